@@ -1,0 +1,1 @@
+"""ROS messages <-> arrays, strictly checked; message classes from one import point."""

@@ -1,0 +1,91 @@
+"""Every setting of the estimator in one table: default, bounds, unit, meaning, run-time change."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+Value = bool | int | float | str
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One row of the table."""
+
+    name: str
+    default: Value
+    meaning: str
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+    runtime: bool = True
+
+    def check(self, value: object) -> Value:
+        """Return `value` in the parameter's type.
+
+        Raises
+        ------
+        ValueError
+            One sentence with the name, the value and what is allowed.
+        """
+        kind = type(self.default)
+        if kind is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if type(value) is not kind:
+            raise ValueError(f"{self.name} is {value!r}; it must be of type {kind.__name__}")
+        if self.choices and value not in self.choices:
+            raise ValueError(f"{self.name} is {value!r}; allowed are {', '.join(self.choices)}")
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            low = -math.inf if self.low is None else self.low
+            high = math.inf if self.high is None else self.high
+            if not low <= value <= high:
+                raise ValueError(f"{self.name} is {value}{self.unit and ' ' + self.unit}; allowed is {low} to {high}")
+        return value  # type: ignore[return-value]
+
+
+def _p(
+    default: Value,
+    meaning: str,
+    unit: str = "",
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] = (),
+    runtime: bool = True,
+) -> Any:
+    keys = {"meaning": meaning, "unit": unit, "low": low, "high": high, "choices": choices, "runtime": runtime}
+    return dataclasses.field(default=default, metadata=keys)
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorConfig:
+    """Settings of `LayoutEstimator`; a change makes a new value (`dataclasses.replace`).
+
+    Raises
+    ------
+    ValueError
+        When a value is of the wrong type or out of its bounds.
+    """
+
+    use_color: bool = _p(True, "use the colour image (false: depth-only operation)")
+    use_depth: bool = _p(True, "use the depth image (false: the paper's RGB variant)")
+    min_depth_m: float = _p(0.2, "nearer measurements are ignored", "m", 0.0, 5.0)
+    max_depth_m: float = _p(12.0, "farther measurements are ignored", "m", 1.0, 100.0)
+    min_valid_depth: float = _p(0.02, "below this share of measured pixels the status is NO_DEPTH", "", 0.0, 1.0)
+    # superpixels (paper 3.1)
+    superpixel_count: int = _p(200, "superpixels per image", "", 16, 4000)
+    superpixel_lambda_color: float = _p(2.0, "weight of the colour term (paper: lambda_a)", "", 0.0, 100.0)
+    superpixel_lambda_depth: float = _p(1.0, "weight of the depth-gradient term (paper: lambda_d); 0 is plain SLIC", "", 0.0, 100.0)
+
+    def __post_init__(self) -> None:
+        for parameter in parameters(type(self)):
+            object.__setattr__(self, parameter.name, parameter.check(getattr(self, parameter.name)))
+
+
+def parameters(table: type = EstimatorConfig) -> Iterator[Parameter]:
+    """Yield the rows of a settings table in their order."""
+    for field in dataclasses.fields(table):
+        yield Parameter(name=field.name, default=field.default, **field.metadata)

@@ -1,0 +1,1 @@
+"""Image evidence: orientation maps, geometric context, depth cues."""

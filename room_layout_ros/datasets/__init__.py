@@ -1,0 +1,1 @@
+"""Sources of RgbdFrame: frames folders, NYU v2 .mat, rosbag2, synthetic rooms."""

@@ -1,0 +1,1 @@
+"""Learning from labelled frames: layout fitting, classifiers, structured SVM."""

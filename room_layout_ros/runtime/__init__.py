@@ -1,0 +1,1 @@
+"""ROS-free but stateful: pairing of streams, the live loop, health counters."""
