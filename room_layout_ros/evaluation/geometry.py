@@ -1,0 +1,144 @@
+"""How wrong is an estimate in the image's corners and in metres: corners, planes, rooms, free space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import ConvexHull, HalfspaceIntersection
+
+from ..core.labels import N_FACES
+from ..core.layout import FACE_AXIS, FACE_SIGN, RoomCuboid
+
+MISSING_CORNER = 0.3
+"""Error of a corner without a partner, in image diagonals; no pair counts more than this."""
+
+
+def layout_corners(layout: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Return the corners of a layout image as (n, 2) float64 (x, y).
+
+    A corner is where three faces meet in the image, or two at its border. Junctions closer than 5 px (the
+    staircase of a raster) count once.
+    """
+    padded = np.pad(layout.astype(np.int16), 1, constant_values=-1)
+    shifts = [padded[:-1, :-1], padded[:-1, 1:], padded[1:, :-1], padded[1:, 1:]]
+    four = np.sort(np.stack(shifts, axis=-1), axis=-1)
+    distinct = 1 + (np.diff(four, axis=-1) != 0).sum(axis=-1)
+    junction = (distinct >= 3).astype(np.uint8)  # the outside (-1) is the third face at the border
+    _, index = cv2.connectedComponents(cv2.dilate(junction, np.ones((5, 5), np.uint8)))
+    ys, xs = np.nonzero(junction)
+    groups = index[ys, xs]
+    count = np.bincount(groups)[1:]
+    centre = [np.bincount(groups, v - 0.5)[1:] / np.maximum(count, 1) for v in (xs, ys)]
+    return np.stack(centre, axis=1)[count > 0].astype(np.float64)
+
+
+def corner_error(true_layout: NDArray[np.uint8], layout: NDArray[np.uint8]) -> float:
+    """Return the mean distance of matched corners in image diagonals; wall names do not matter.
+
+    Corners are matched one to one at the least total cost; a corner without a partner costs
+    `MISSING_CORNER`. 0 when neither image has a corner.
+
+    Raises
+    ------
+    ValueError
+        When the shapes differ.
+    """
+    if true_layout.shape != layout.shape:
+        raise ValueError(f"layouts have shapes {true_layout.shape} and {layout.shape}; they must be the same")
+    a, b = layout_corners(true_layout), layout_corners(layout)
+    n = max(len(a), len(b))
+    if n == 0:
+        return 0.0
+    cost = np.full((n, n), MISSING_CORNER)
+    distance = np.linalg.norm(a[:, None] - b[None], axis=2) / np.hypot(*layout.shape)
+    cost[: len(a), : len(b)] = np.minimum(distance, MISSING_CORNER)
+    rows, columns = linear_sum_assignment(cost)
+    return float(cost[rows, columns].mean())
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneErrors:
+    """Per face in the order of `labels.FACES`; NaN where the truth or the estimate has no such face.
+
+    Attributes
+    ----------
+    offset_m : (5,) |difference of the distances to the camera|. angle_deg : (5,) between the normals.
+    """
+
+    offset_m: NDArray[np.float64]
+    angle_deg: NDArray[np.float64]
+
+
+def plane_errors(truth: RoomCuboid, estimate: RoomCuboid, wall_names: tuple[int, ...] | None = None) -> PlaneErrors:
+    """Compare the planes of two rooms seen by the same camera, the estimate's walls renamed by `wall_names`."""
+    offset, angle = np.full(N_FACES, np.nan), np.full(N_FACES, np.nan)
+    for k in range(N_FACES):
+        true_k = k if wall_names is None else wall_names[k + 1] - 1
+        distance, true_distance = estimate.distances[k], truth.distances[true_k]
+        if not (np.isfinite(distance) and np.isfinite(true_distance)):
+            continue
+        offset[true_k] = abs(distance - true_distance)
+        cosine = _outward(estimate)[k] @ _outward(truth)[true_k]
+        angle[true_k] = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    return PlaneErrors(offset, angle)
+
+
+def axes_error_deg(R_true: NDArray[np.float64], R: NDArray[np.float64]) -> float:
+    """Return the angle between two Manhattan frames in degrees, modulo the cube's 24 rotations."""
+    # Rounding a rotation near a cube rotation finds that rotation; else the best of the 24 is within 62.8 deg.
+    relative = R_true @ R.T
+    best = max(float(np.trace(relative @ Q)) for Q in _cube_rotations())
+    return float(np.degrees(np.arccos(np.clip((best - 1) / 2, -1, 1))))
+
+
+def room_iou(truth: RoomCuboid, estimate: RoomCuboid, reach_m: float = 10.0) -> float:
+    """Return the exact volume IoU of two rooms around one camera; faces out of view are taken at `reach_m`."""
+    a, b = _halfspaces(truth, reach_m), _halfspaces(estimate, reach_m)
+    both = _volume(np.vstack([a, b]))
+    return both / (_volume(a) + _volume(b) - both)
+
+
+def grid_iou(truth: NDArray[np.bool_], estimate: NDArray[np.bool_]) -> float:
+    """Return the IoU of two boolean grids (free space); NaN when both are empty.
+
+    Raises
+    ------
+    ValueError
+        When the shapes differ.
+    """
+    if truth.shape != estimate.shape:
+        raise ValueError(f"grids have shapes {truth.shape} and {estimate.shape}; they must be the same")
+    union = np.count_nonzero(truth | estimate)
+    return float(np.count_nonzero(truth & estimate) / union) if union else float("nan")
+
+
+def _outward(room: RoomCuboid) -> NDArray[np.float64]:
+    return np.asarray(FACE_SIGN[:, None] * room.R_room_camera[FACE_AXIS])
+
+
+def _halfspaces(room: RoomCuboid, reach_m: float) -> NDArray[np.float64]:
+    # The sixth side: the room goes on behind the camera; it is cut one metre behind it in both rooms.
+    normals = np.vstack([_outward(room), -room.R_room_camera[2]])
+    distances = np.append(np.minimum(room.distances, reach_m), 1.0)
+    return np.hstack([normals, -distances[:, None]])
+
+
+def _volume(halfspaces: NDArray[np.float64]) -> float:
+    corners = HalfspaceIntersection(halfspaces, np.zeros(3)).intersections
+    return float(ConvexHull(corners).volume)
+
+
+def _cube_rotations() -> list[NDArray[np.float64]]:
+    rotations = []
+    for order in np.array(np.meshgrid([0, 1, 2], [0, 1, 2], [0, 1, 2])).T.reshape(-1, 3):
+        if len(set(order)) < 3:
+            continue
+        for signs in np.array(np.meshgrid([1, -1], [1, -1], [1, -1])).T.reshape(-1, 3):
+            Q = np.eye(3)[order] * signs
+            if np.linalg.det(Q) > 0:
+                rotations.append(Q)
+    return rotations
