@@ -79,6 +79,11 @@ class EstimatorConfig:
     superpixel_count: int = _p(200, "superpixels per image", "", 16, 4000)
     superpixel_lambda_color: float = _p(2.0, "weight of the colour term (paper: lambda_a)", "", 0.0, 100.0)
     superpixel_lambda_depth: float = _p(1.0, "weight of the depth-gradient term (paper: lambda_d); 0 is plain SLIC", "", 0.0, 100.0)
+    # line segments and vanishing points
+    line_scale: float = _p(0.5, "line segments are sought in the image reduced by this factor", "", 0.1, 1.0)
+    line_min_length_px: float = _p(16.0, "shorter segments (in pixels of the full image) are dropped", "px", 2.0, 500.0)
+    vp_max_tilt_deg: float = _p(50.0, "largest pitch searched when axes come from lines alone", "deg", 1.0, 60.0)
+    vp_max_roll_deg: float = _p(20.0, "largest roll searched when axes come from lines alone", "deg", 0.0, 45.0)
 
     def __post_init__(self) -> None:
         for parameter in parameters(type(self)):
