@@ -41,14 +41,6 @@ def naive_iou(truths: list[Image], estimates: list[Image], label: int) -> float:
     return both / either if either else float("nan")
 
 
-def naive_labels(layout: Image, labels40: Image) -> Image:
-    out = np.zeros_like(layout)
-    for y, x in np.ndindex(*layout.shape):
-        if labels40[y, x] and layout[y, x]:
-            out[y, x] = layout[y, x] if labels40[y, x] in (1, 2, 8, 9, 11, 13, 16, 19, 20, 22, 28, 30) else 6
-    return out
-
-
 def naive_ece(confidence: NDArray[np.float64], correct: NDArray[np.float64], bins: int) -> float:
     total = 0.0
     for b in range(bins):

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
-from ..core.labels import N_FACES
-from ..core.layout import FACE_AXIS, FACE_SIGN, RoomCuboid
+from room_layout_ros.core.labels import N_FACES
+from room_layout_ros.core.layout import FACE_AXIS, FACE_SIGN, RoomCuboid
 
 MISSING_CORNER = 0.3
 """Error of a corner without a partner, in image diagonals; no pair counts more than this."""

@@ -9,39 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.labels import CLUTTER, FRONT_WALL, LABEL_NAMES, LEFT_WALL, N_LABELS, RIGHT_WALL, STRUCTURE_NYU40
+from room_layout_ros.core.labels import FRONT_WALL, LABEL_NAMES, LEFT_WALL, N_LABELS, RIGHT_WALL
 
 WALLS = (LEFT_WALL, FRONT_WALL, RIGHT_WALL)
 N_IDS = len(LABEL_NAMES)
 
 Confusion = NDArray[np.int64]
 """(7, 7) pixel counts; rows are the true id, columns the estimated one. Row 0 (no truth) is always empty."""
-
-
-def derive_labels(layout: NDArray[np.uint8], labels40: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the true label image of a frame with a true layout and NYU40 classes (method.md, section 1).
-
-    Parameters
-    ----------
-    layout : (H, W) uint8 array
-        Face ids 1..5; 0 where there is no truth.
-    labels40 : (H, W) uint8 array
-        NYU40 classes; 0 is unlabelled.
-
-    Returns
-    -------
-    (H, W) uint8 array
-        The layout's face on structural classes, 6 (clutter) on the others, 0 where either truth is missing.
-
-    Raises
-    ------
-    ValueError
-        When the shapes differ.
-    """
-    _check_same_shape("layout", layout, "NYU40 labels", labels40)
-    labels = np.where(np.isin(labels40, STRUCTURE_NYU40), layout, np.uint8(CLUTTER)).astype(np.uint8)
-    labels[(labels40 == 0) | (layout == 0)] = 0
-    return labels
 
 
 def confusion(truth: NDArray[np.uint8], estimate: NDArray[np.uint8]) -> Confusion:
