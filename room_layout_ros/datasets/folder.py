@@ -1,0 +1,152 @@
+"""Frames folders: rgb/, depth/, camera.yaml and what is known beside them (docs/data.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.core.labels import N_FACES
+
+from .calibration import CameraCalibration, read_calibration
+from .errors import DataError
+from .images import read_color, read_depth, read_index
+from .poses import Pose, read_poses, read_stamps
+from .sample import MAX_NYU40, BadFrame, FrameTruth, Sample
+
+COLOR_SUFFIXES = (".png", ".jpg", ".jpeg")
+DEFAULT_RATE_HZ = 30
+FIRST_STAMP_NS = 1_000_000_000
+"""Folders without stamps start at one second: a stamp of 0 means "not set" in ROS."""
+
+_Pixels = TypeVar("_Pixels", bound=np.generic)
+
+
+def is_frames_folder(path: Path) -> bool:
+    """Whether a folder looks like a frames folder."""
+    return (path / "rgb").is_dir() or (path / "depth").is_dir()
+
+
+def default_stamp_ns(index: int) -> int:
+    """Return the stamp of frame `index` where the source has none: 30 Hz."""
+    return FIRST_STAMP_NS + round(index * 1e9 / DEFAULT_RATE_HZ)
+
+
+@dataclass(frozen=True, slots=True)
+class FramesFolder:
+    """A frames folder; any frame can be read by its name.
+
+    Attributes
+    ----------
+    path : the folder. calibration : of all its frames. names : of the frames, sorted.
+    stamps_ns : by name. poses : by name; may be incomplete.
+    """
+
+    path: Path
+    calibration: CameraCalibration
+    names: tuple[str, ...]
+    stamps_ns: dict[str, int]
+    poses: dict[str, Pose]
+
+    @property
+    def title(self) -> str:
+        """What it is, for people."""
+        return f"frames folder {self.path}"
+
+    @property
+    def length(self) -> int:
+        """Number of frames."""
+        return len(self.names)
+
+    def __iter__(self) -> Iterator[Sample | BadFrame]:
+        """Yield the frames in the order of their names; a bad one as an error value."""
+        for name in self.names:
+            try:
+                yield self.read(name)
+            except ValueError as error:
+                yield BadFrame(name, str(error), self.stamps_ns[name])
+
+    def read(self, name: str) -> Sample:
+        """Read one frame with its truth.
+
+        Raises
+        ------
+        DataError
+            When a file of the frame is missing or bad.
+        ValueError
+            When the images do not fit the camera.
+        """
+        color = self._image("rgb", name, read_color)
+        depth_m = self._image("depth", name, read_depth)
+        camera, frame_id = self.calibration.intrinsics, self.calibration.camera_name
+        frame = RgbdFrame(camera, color, depth_m, self.stamps_ns[name], frame_id, name)
+        layout = self._truth("layout", name, N_FACES)
+        labels40 = self._truth("labels40", name, MAX_NYU40)
+        truth = None if layout is None and labels40 is None else FrameTruth(layout, labels40)
+        return Sample(frame, truth, self.poses.get(name))
+
+    def subset(self, names: tuple[str, ...]) -> FramesFolder:
+        """Return the source restricted to these frames, in this order.
+
+        Raises
+        ------
+        DataError
+            When a name is not in the folder.
+        """
+        known = set(self.names)
+        if missing := [name for name in names if name not in known]:
+            raise DataError(f"{self.path} has no frame {missing[0]!r}")
+        return FramesFolder(self.path, self.calibration, names, self.stamps_ns, self.poses)
+
+    def _image(self, kind: str, name: str, read: Callable[[Path], NDArray[_Pixels]]) -> NDArray[_Pixels] | None:
+        folder = self.path / kind
+        if not folder.is_dir():
+            return None
+        suffixes = COLOR_SUFFIXES if kind == "rgb" else (".png",)
+        for suffix in suffixes:
+            if (path := folder / f"{name}{suffix}").exists():
+                return read(path)
+        raise DataError(f"{folder / name}{suffixes[0]} is missing")
+
+    def _truth(self, kind: str, name: str, highest: int) -> NDArray[np.uint8] | None:
+        path = self.path / kind / f"{name}.png"
+        if not path.exists():
+            return None
+        image = read_index(path, highest)
+        if image.shape != (self.calibration.height, self.calibration.width):
+            raise DataError(
+                f"{path} has shape {image.shape}; the camera says {(self.calibration.height, self.calibration.width)}"
+            )
+        return image
+
+
+def open_folder(path: Path) -> FramesFolder:
+    """Open a frames folder.
+
+    Raises
+    ------
+    DataError
+        When there is no camera.yaml, no frame, or a list beside the frames is bad.
+    """
+    if not is_frames_folder(path):
+        raise DataError(f"{path} has neither rgb/ nor depth/; it is no frames folder")
+    calibration = read_calibration(path / "camera.yaml")
+    names = _names(path)
+    if not names:
+        raise DataError(f"{path} holds no frames; rgb/NAME.jpg or .png and depth/NAME.png are needed")
+    stamps = {name: default_stamp_ns(i) for i, name in enumerate(names)}
+    if (path / "stamps.txt").exists():
+        stamps |= read_stamps(path / "stamps.txt")
+    poses = read_poses(path / "poses.txt", names) if (path / "poses.txt").exists() else {}
+    return FramesFolder(path, calibration, names, stamps, poses)
+
+
+def _names(path: Path) -> tuple[str, ...]:
+    color = {p.stem for suffix in COLOR_SUFFIXES for p in path.glob(f"rgb/*{suffix}") if not p.name.startswith(".")}
+    depth = {p.stem for p in path.glob("depth/*.png") if not p.name.startswith(".")}
+    return tuple(sorted(color | depth))

@@ -1,0 +1,50 @@
+"""One door for all inputs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .errors import DataError
+from .folder import is_frames_folder, open_folder
+from .sample import FrameSource
+
+BAG_SUFFIXES = (".db3", ".mcap")
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path looks like a rosbag2: its folder or its storage file."""
+    if path.is_dir():
+        return (path / "metadata.yaml").exists() or any(p.suffix in BAG_SUFFIXES for p in path.iterdir())
+    return path.suffix in BAG_SUFFIXES
+
+
+def open_source(path: Path | str, **options: object) -> FrameSource:
+    """Open whatever `path` is: a frames folder, a rosbag2 (sqlite3, mcap), or an NYU v2 .mat.
+
+    Parameters
+    ----------
+    path : path or str
+    **options
+        Of bags: see `bag.BagTopics`.
+
+    Raises
+    ------
+    DataError
+        One sentence when it is missing, none of these, or damaged.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise DataError(f"{path} does not exist; give a frames folder, a rosbag2 or an NYU .mat file")
+    if path.is_dir() and is_frames_folder(path):
+        return open_folder(path)
+    if is_bag(path):
+        from .bag import open_bag
+
+        return open_bag(path, **options)  # type: ignore[arg-type]
+    if path.suffix == ".mat":
+        from .nyu import open_nyu
+
+        return open_nyu(path)
+    raise DataError(
+        f"{path} is no frames folder (rgb/, depth/), no rosbag2 (metadata.yaml, .db3, .mcap) and no .mat file"
+    )
