@@ -1,0 +1,49 @@
+"""What a method says about a frame, wherever it comes from: the estimator, a baseline, files of an earlier run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from room_layout_ros.core.estimate import RoomEstimate
+from room_layout_ros.core.frame import CameraIntrinsics
+from room_layout_ros.core.layout import RoomCuboid
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """Attributes as in `RoomEstimate`; None or NaN where the method does not say.
+
+    `status` is "ok" or what the method said instead; `milliseconds` is its time for the frame.
+    """
+
+    layout: NDArray[np.uint8]
+    labels: NDArray[np.uint8]
+    furniture: NDArray[np.uint8] | None = None
+    cuboid: RoomCuboid | None = None
+    confidence: float = float("nan")
+    face_confidence: NDArray[np.float64] = field(default_factory=lambda: np.full(5, np.nan))
+    status: str = "ok"
+    milliseconds: float = float("nan")
+
+    @classmethod
+    def nothing(cls, camera: CameraIntrinsics, status: str) -> Prediction:
+        """Return the prediction of a method that has none for this frame: every pixel unknown, so wrong."""
+        empty = np.zeros((camera.height, camera.width), np.uint8)
+        return cls(layout=empty, labels=empty, status=status)
+
+    @classmethod
+    def of_estimate(cls, estimate: RoomEstimate, milliseconds: float = float("nan")) -> Prediction:
+        """Take over the estimator's result."""
+        return cls(
+            layout=estimate.layout,
+            labels=estimate.labels,
+            furniture=estimate.furniture,
+            cuboid=estimate.cuboid,
+            confidence=estimate.confidence,
+            face_confidence=estimate.face_confidence,
+            status=estimate.status.value,
+            milliseconds=milliseconds,
+        )
