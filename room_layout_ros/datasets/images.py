@@ -91,15 +91,19 @@ def depth_to_millimetres(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:
         return np.where((millimetres >= 1) & (millimetres <= 65535), millimetres, 0).astype(np.uint16)
 
 
-def write_image(path: Path, image: NDArray[np.uint8] | NDArray[np.uint16], jpeg_quality: int = 92) -> None:
-    """Write RGB or one-channel pixels as PNG or JPEG (by suffix); the file appears whole or not at all."""
+def encode_image(suffix: str, image: NDArray[np.uint8] | NDArray[np.uint16], jpeg_quality: int = 92) -> bytes:
+    """Return RGB or one-channel pixels as the bytes of a ".png" or ".jpg" file."""
     pixels = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else np.ascontiguousarray(image)
-    png = path.suffix == ".png"
-    options = [cv2.IMWRITE_PNG_COMPRESSION, 1] if png else [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality]
-    done, content = cv2.imencode(path.suffix, pixels, options)
+    options = [cv2.IMWRITE_PNG_COMPRESSION, 1] if suffix == ".png" else [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality]
+    done, content = cv2.imencode(suffix, pixels, options)
     if not done:
-        raise DataError(f"{path} cannot be written from {image.dtype} pixels of shape {image.shape}")
-    write_atomically(path, content.tobytes())
+        raise DataError(f"{image.dtype} pixels of shape {image.shape} cannot be written as {suffix}")
+    return content.tobytes()
+
+
+def write_image(path: Path, image: NDArray[np.uint8] | NDArray[np.uint16], jpeg_quality: int = 92) -> None:
+    """Write an image by its suffix; the file appears whole or not at all."""
+    write_atomically(path, encode_image(path.suffix, image, jpeg_quality))
 
 
 def write_atomically(path: Path, content: bytes) -> None:

@@ -1,0 +1,160 @@
+"""One frame of `room-layout estimate`: what a worker process does and hands back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from room_layout_ros.core.config import EstimatorConfig, parameters
+from room_layout_ros.core.estimate import RoomEstimate
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.core.labels import FACES, LABEL_NAMES
+from room_layout_ros.core.layout import FacePolygon
+from room_layout_ros.datasets import BadFrame, DataError, Sample
+from room_layout_ros.datasets.images import encode_image
+
+
+@dataclass(frozen=True, slots=True)
+class FrameJob:
+    """What to do with every frame."""
+
+    config: EstimatorConfig
+    rgb_only: bool = False
+    overlay: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class FrameResult:
+    """The line of a frame and the bytes of its files by path below the output folder."""
+
+    line: Mapping[str, Any]
+    files: Mapping[str, bytes] = field(default_factory=dict)
+
+
+def parse_settings(settings: Sequence[str]) -> EstimatorConfig:
+    """Return the configuration with NAME=VALUE words applied.
+
+    Raises
+    ------
+    DataError
+        When a name is unknown or a value not allowed.
+    """
+    table = {parameter.name: parameter for parameter in parameters()}
+    values: dict[str, Any] = {}
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        if not equals or name not in table:
+            raise DataError(f"--set {setting}: NAME=VALUE with a parameter of the estimator is needed")
+        try:
+            values[name] = table[name].check(_value(text, type(table[name].default)))
+        except ValueError as error:
+            raise DataError(f"--set {setting}: {error}") from None
+    try:
+        return EstimatorConfig(**values)
+    except ValueError as error:
+        raise DataError(f"--set: {error}") from None
+
+
+def _value(text: str, kind: type) -> object:
+    if kind is bool:
+        if text not in ("true", "false"):
+            raise ValueError(f"{text!r} is not true or false")
+        return text == "true"
+    try:
+        return kind(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is no {kind.__name__}") from None
+
+
+def estimate_item(job: FrameJob, item: Sample | BadFrame) -> FrameResult:
+    """Estimate one item of a source; every failure ends as a line with its error."""
+    if isinstance(item, BadFrame):
+        return _error_result(item.name, item.error)
+    frame = item.frame
+    try:
+        if job.rgb_only:
+            if frame.color is None:
+                raise DataError("the frame has no colour, and --rgb-only leaves the depth unused")
+            frame = frame.without_depth()
+        estimate = _estimator(job.config).estimate(frame)
+        return FrameResult(_line(frame.name, estimate), _files(job, frame, estimate))
+    except DataError as error:
+        return _error_result(frame.name, str(error))
+    except Exception as error:  # noqa: BLE001 - a bug at one frame must not lose the others; it is named in its line
+        return _error_result(frame.name, f"internal error: {type(error).__name__}: {error}")
+
+
+def lost_result(item: Sample | BadFrame) -> FrameResult:
+    """Return the line of a frame whose worker died each time."""
+    return _error_result(item.name, "the worker process died at this frame; out of memory?")
+
+
+@lru_cache(maxsize=1)
+def _estimator(config: EstimatorConfig) -> LayoutEstimator:
+    cv2.setNumThreads(1)  # processes are the parallelism here; OpenCV's threads would only fight over the cores
+    return LayoutEstimator(config)
+
+
+def _error_result(name: str, error: str) -> FrameResult:
+    return FrameResult({"name": name, "status": "error", "error": " ".join(error.split())})
+
+
+def _files(job: FrameJob, frame: RgbdFrame, estimate: RoomEstimate) -> dict[str, bytes]:
+    files = {
+        f"layout/{frame.name}.png": encode_image(".png", estimate.layout),
+        f"labels/{frame.name}.png": encode_image(".png", estimate.labels),
+        f"furniture/{frame.name}.png": encode_image(".png", estimate.furniture),
+    }
+    if job.overlay:
+        from room_layout_ros.core.picture import draw_overlay
+
+        files[f"overlay/{frame.name}.jpg"] = encode_image(".jpg", draw_overlay(frame, estimate))
+    return files
+
+
+def _line(name: str, estimate: RoomEstimate) -> dict[str, Any]:
+    faces = [LABEL_NAMES[face] for face in FACES]
+    distances = [math.inf] * len(FACES) if estimate.cuboid is None else estimate.cuboid.distances
+    return {
+        "name": name,
+        "status": estimate.status.name,
+        "stamp_ns": int(estimate.stamp_ns),
+        "confidence": _number(estimate.confidence),
+        "axes_confidence": _number(estimate.axes_confidence),
+        "face_confidence": {face: _number(c) for face, c in zip(faces, estimate.face_confidence, strict=True)},
+        "axes": [[_number(v, 9) for v in row] for row in estimate.R_room_camera],
+        "metric": bool(estimate.metric),
+        "plane_distances_m": {face: _number(d) for face, d in zip(faces, distances, strict=True)},
+        "polygons": [_polygon(p) for p in estimate.polygons],
+        "energy": _number(estimate.energy),
+        "lower_bound": _number(estimate.lower_bound),
+        "timings_ms": {stage: _number(t, 3) for stage, t in estimate.timings_ms.items()},
+    }
+
+
+def _polygon(polygon: FacePolygon) -> dict[str, Any]:
+    return {
+        "face": LABEL_NAMES[polygon.face],
+        "id": int(polygon.face),
+        "pixels": _rows(polygon.pixels, 3),
+        "points_m": _rows(polygon.points_m, 5),
+        "normal": [_number(v) for v in polygon.normal],
+        "distance_m": _number(polygon.distance),
+    }
+
+
+def _rows(array: NDArray[np.float64], digits: int) -> list[list[float | None]]:
+    return [[_number(v, digits) for v in row] for row in array]
+
+
+def _number(value: float, digits: int = 6) -> float | None:
+    """JSON has no NaN and no infinity: what is not known is null."""
+    return round(float(value), digits) if math.isfinite(value) else None
