@@ -18,12 +18,13 @@ from .config import EstimatorConfig
 from .frame import CameraIntrinsics
 from .lines import LineSegments, segment_planes
 
-_GRID = 48
-"""Cells per side of each cube face of the direction table: about 1.9 degrees."""
+_GRID = 40
+"""Cells per side of each cube face of the direction table: about 2.2 degrees."""
 _VOTE_TOLERANCE_DEG = 2.5
 _REFINE_TOLERANCE_DEG = 2.0
 _STEP_DEG = 2.0
-_MAX_LENGTH_PX = 150.0
+_MAX_SEGMENTS = 150
+_MAX_LENGTH_PX = 100.0
 """Longer segments vote no more than this length: a single long edge must not decide."""
 _ROLL_SIGMA_DEG = 6.0
 _TILT_SIGMA_DEG = 25.0
@@ -68,6 +69,7 @@ def estimate_axes_from_lines(
     Parameters
     ----------
     segments : LineSegments
+        Longest first; the 150 longest are used.
     camera : CameraIntrinsics
     config : EstimatorConfig
         `vp_max_tilt_deg` and `vp_max_roll_deg` bound the search.
@@ -79,6 +81,7 @@ def estimate_axes_from_lines(
     AxesEstimate
         Without segments the upright camera itself, with confidence 0.
     """
+    segments = LineSegments(segments.points[:_MAX_SEGMENTS])
     normal, middle = segment_planes(segments, camera)
     length = np.minimum(segments.length_px.astype(np.float64), _MAX_LENGTH_PX)
     weight = length / max(length.sum(), 1e-9)
@@ -159,26 +162,24 @@ def _rotation(tilt, roll, yaw):  # type: ignore[no-untyped-def]
 def _vote(normal, middle, weight, tolerance, grid):  # type: ignore[no-untyped-def]
     """(3, grid, grid): votes for the direction through each cell of the three visible faces of a cube."""
     votes = np.zeros((3, grid, grid))
-    d = np.empty(3)
     for face in range(3):
-        for a in range(grid):
-            for b in range(grid):
-                d[face] = 1.0
-                d[(face + 1) % 3] = 2.0 * (a + 0.5) / grid - 1.0
-                d[(face + 2) % 3] = 2.0 * (b + 0.5) / grid - 1.0
-                scale = 1.0 / np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-                d0, d1, d2 = d[0] * scale, d[1] * scale, d[2] * scale
-                total = 0.0
-                for i in range(normal.shape[0]):
-                    across = normal[i, 0] * d0 + normal[i, 1] * d1 + normal[i, 2] * d2
+        f1, f2 = (face + 1) % 3, (face + 2) % 3
+        for i in range(normal.shape[0]):
+            n0, n1, n2 = normal[i, face], normal[i, f1], normal[i, f2]
+            m0, m1, m2 = middle[i, face], middle[i, f1], middle[i, f2]
+            t2, w = tolerance[i] * tolerance[i], weight[i]
+            for a in range(grid):
+                p = 2.0 * (a + 0.5) / grid - 1.0
+                for b in range(grid):
+                    q = 2.0 * (b + 0.5) / grid - 1.0
+                    square = 1.0 + p * p + q * q
+                    across = n0 + n1 * p + n2 * q
                     across *= across
-                    t2 = tolerance[i] * tolerance[i]
-                    if across < t2:
-                        along = middle[i, 0] * d0 + middle[i, 1] * d1 + middle[i, 2] * d2
-                        share = across / (max(1.0 - along * along, 1e-3) * t2)
+                    if across < t2 * square:
+                        along = m0 + m1 * p + m2 * q
+                        share = across / (max(square - along * along, 1e-3) * t2)
                         if share < 1.0:
-                            total += weight[i] * (1.0 - share) ** 2
-                votes[face, a, b] = total
+                            votes[face, a, b] += w * (1.0 - share) ** 2
     return votes
 
 
@@ -208,17 +209,20 @@ def _score_rotations(votes, tilts, rolls, use_prior):  # type: ignore[no-untyped
     n_yaw = int(90.0 / _STEP_DEG)
     score = np.empty((tilts.size, rolls.size, n_yaw))
     yaws = np.deg2rad(np.arange(n_yaw) * _STEP_DEG - 45.0)
+    cosines, sines = np.cos(yaws), np.sin(yaws)
     for t in range(tilts.size):
         for r in range(rolls.size):
-            prior = 0.0
+            base = _rotation(tilts[t], rolls[r], 0.0)
+            x0, x1, x2 = base[0, 0], base[0, 1], base[0, 2]
+            z0, z1, z2 = base[2, 0], base[2, 1], base[2, 2]
+            fixed = _look_up(votes, base[1, 0], base[1, 1], base[1, 2])
             if use_prior:
-                prior = -_PRIOR_WEIGHT * _tilt_cost(tilts[t], rolls[r])
+                fixed -= _PRIOR_WEIGHT * _tilt_cost(tilts[t], rolls[r])
             for k in range(n_yaw):
-                R = _rotation(tilts[t], rolls[r], yaws[k])
-                total = prior
-                for axis in range(3):
-                    total += _look_up(votes, R[axis, 0], R[axis, 1], R[axis, 2])
-                score[t, r, k] = total
+                c, s = cosines[k], sines[k]
+                along_x = _look_up(votes, c * x0 - s * z0, c * x1 - s * z1, c * x2 - s * z2)
+                along_z = _look_up(votes, s * x0 + c * z0, s * x1 + c * z1, s * x2 + c * z2)
+                score[t, r, k] = fixed + along_x + along_z
     return score, yaws
 
 
@@ -285,7 +289,7 @@ def _gauss_newton(R, normal, middle, weight, tolerance, down, down_weight):  # t
     for step in range(_REFINE_STEPS):
         widen = max(2.0 - step * 0.25, 1.0)
         A = np.eye(3) * 1e-6
-        b = np.zeros(3)
+        b, j = np.zeros(3), np.zeros(3)
         for i in range(normal.shape[0]):
             best, axis = 1.0, -1
             t2 = (widen * tolerance[i]) ** 2
@@ -297,11 +301,13 @@ def _gauss_newton(R, normal, middle, weight, tolerance, down, down_weight):  # t
                     best, axis = share, k
             if axis < 0:
                 continue
-            d, n = R[axis], normal[i]
-            along = middle[i, 0] * d[0] + middle[i, 1] * d[1] + middle[i, 2] * d[2]
+            d0, d1, d2 = R[axis, 0], R[axis, 1], R[axis, 2]
+            n0, n1, n2 = normal[i, 0], normal[i, 1], normal[i, 2]
+            along = middle[i, 0] * d0 + middle[i, 1] * d1 + middle[i, 2] * d2
             w = weight[i] * (1.0 - best) ** 2 / (max(1.0 - along * along, 1e-3) * t2)
-            e = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
-            j = np.cross(d, n)  # d(n . (d + w x d)) / dw = d x n
+            e = n0 * d0 + n1 * d1 + n2 * d2
+            # d(n . (d + turn x d)) / d turn = d x n
+            j[0], j[1], j[2] = d1 * n2 - d2 * n1, d2 * n0 - d0 * n2, d0 * n1 - d1 * n0
             for p in range(3):
                 b[p] -= w * e * j[p]
                 for q in range(3):
@@ -311,7 +317,7 @@ def _gauss_newton(R, normal, middle, weight, tolerance, down, down_weight):  # t
                 e = R[1, c] - down[c]
                 unit = np.zeros(3)
                 unit[c] = 1.0
-                j = np.cross(R[1], unit)
+                j[:] = np.cross(R[1], unit)
                 for p in range(3):
                     b[p] -= down_weight * e * j[p]
                     for q in range(3):
