@@ -36,7 +36,7 @@ def files(folder: str) -> list[str]:
 
 
 class Install(install):
-    """Write scripts last: where both go to lib/room_layout_ros (colcon), the entry point that knows its python stays."""
+    """Write scripts last: where both go to lib/room_layout_ros (colcon), the entry point with its python wins."""
 
     def get_sub_commands(self) -> list[str]:
         return sorted(super().get_sub_commands(), key=lambda name: name == "install_scripts")
