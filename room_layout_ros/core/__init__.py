@@ -2,15 +2,20 @@
 
 from .config import EstimatorConfig
 from .estimate import RoomEstimate, Status
+from .estimator import LayoutEstimator
 from .frame import CameraIntrinsics, RgbdFrame
 from .layout import FacePolygon, RoomCuboid
+from .tracking import TemporalPrior, next_prior
 
 __all__ = [
     "CameraIntrinsics",
     "EstimatorConfig",
     "FacePolygon",
+    "LayoutEstimator",
     "RgbdFrame",
     "RoomCuboid",
     "RoomEstimate",
     "Status",
+    "TemporalPrior",
+    "next_prior",
 ]
