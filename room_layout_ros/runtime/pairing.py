@@ -1,0 +1,212 @@
+"""Colour and depth of one moment, out of two streams that are late, lossy, reordered, looped or wrong.
+
+Knows neither ROS nor the wall clock: stamps come in with the messages. Bounded; every message ends as exactly one
+of paired, superseded or refused(reason), so that received = paired + superseded + refused + waiting at any time.
+(message_filters stalls for good after an exception in a callback or one stamp far in the future, and evicts the
+smallest stamp instead of the oldest message; hence this.)
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+Item = TypeVar("Item")
+
+COLOR, DEPTH = "color", "depth"
+
+_FORWARD_JUMPS = 10
+"""A gap of this many `reset_gap`s between pairs is a jump of the clock or a new scene: start afresh."""
+_RUN_TO_TRUST = 3
+"""After as many pairs without an exact one the streams are not stamped alike: stop waiting for equal stamps."""
+
+
+@dataclass(frozen=True, slots=True)
+class PairingRules:
+    """Bounds of the pairing, in nanoseconds.
+
+    Attributes
+    ----------
+    max_gap_ns : largest difference of the stamps of a pair.
+    reset_gap_ns : a pair older than the last one by more than this is a jump of the clock, not a late one.
+    queue_size : messages of a stream that may wait for a partner.
+    use_color, use_depth : a stream that is not used is not waited for.
+    """
+
+    max_gap_ns: int = 20_000_000
+    reset_gap_ns: int = 500_000_000
+    queue_size: int = 10
+    use_color: bool = True
+    use_depth: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Pair(Generic[Item]):
+    """Messages of one moment. `stamp_ns` is the depth image's (the colour image's where there is no depth)."""
+
+    stamp_ns: int
+    color: Item | None
+    depth: Item | None
+    reset: bool
+    """True after a jump of the clock: nothing that was known before holds any longer."""
+
+
+@dataclass(slots=True)
+class StreamCount:
+    """What became of the messages of one stream."""
+
+    received: int = 0
+    paired: int = 0
+    superseded: int = 0
+    refused: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def waiting(self) -> int:
+        """Messages whose end is not known yet."""
+        return self.received - self.paired - self.superseded - self.refused.total()
+
+
+class StreamPairing(Generic[Item]):
+    """Pairs two streams by stamp: equal stamps first, then the nearest within `max_gap_ns`.
+
+    Stamps of the pairs rise; a pair that steps back by more than `reset_gap_ns` (a bag that loops) or far forward
+    is marked `reset`. Not thread-safe: the caller holds a lock.
+    """
+
+    def __init__(self, rules: PairingRules) -> None:
+        self._rules = rules
+        self._queues: dict[str, dict[int, Item]] = {COLOR: {}, DEPTH: {}}
+        self._newest = {COLOR: 0, DEPTH: 0}
+        self._emitted: dict[str, int | None] = {COLOR: None, DEPTH: None}
+        self._run_without_exact = 0
+        self.counts = {COLOR: StreamCount(), DEPTH: StreamCount()}
+
+    def configure(self, rules: PairingRules) -> None:
+        """Change the bounds; what waits is dropped if the streams in use change."""
+        if (rules.use_color, rules.use_depth) != (self._rules.use_color, self._rules.use_depth):
+            self.reset()
+        self._rules = rules
+        for stream in self._queues:
+            self._evict(stream)
+
+    def reset(self) -> None:
+        """Forget everything but the counts; what waits is superseded."""
+        for stream, queue in self._queues.items():
+            self.counts[stream].superseded += len(queue)
+            queue.clear()
+        self._newest = {COLOR: 0, DEPTH: 0}
+        self._emitted = {COLOR: None, DEPTH: None}
+        self._run_without_exact = 0
+
+    def refuse(self, stream: str, reason: str) -> None:
+        """Count a message that was refused before it had a usable stamp."""
+        self.counts[stream].received += 1
+        self.counts[stream].refused[reason] += 1
+
+    def add(self, stream: str, stamp_ns: int, item: Item) -> Pair[Item] | None:
+        """Take one message; return the pair that it completes, if any."""
+        fault = self._stamp_fault(stream, stamp_ns)
+        if fault:
+            self.refuse(stream, fault)
+            return None
+        self.counts[stream].received += 1
+        self._queues[stream][stamp_ns] = item
+        self._newest[stream] = stamp_ns
+        pair = self._complete(stream, stamp_ns)
+        self._evict(stream)
+        return pair
+
+    def _stamp_fault(self, stream: str, stamp_ns: int) -> str:
+        last = self._emitted[stream]
+        if stamp_ns <= 0:
+            return "bad stamp"
+        if stamp_ns in self._queues[stream] or stamp_ns == last:
+            return "duplicate"
+        if last is not None and last - self._rules.reset_gap_ns < stamp_ns < last:
+            return "late"
+        return ""
+
+    def _complete(self, stream: str, stamp_ns: int) -> Pair[Item] | None:
+        if not (self._rules.use_color and self._rules.use_depth):
+            return self._emit_single(stream, stamp_ns)
+        if stamp_ns in self._queues[_other(stream)]:
+            self._run_without_exact = 0
+            return self._emit(stamp_ns, stamp_ns)
+        candidates = self._near_pairs(stream, stamp_ns)
+        if not candidates:
+            return None
+        self._run_without_exact += 1
+        return self._emit(*candidates[-1])
+
+    def _near_pairs(self, stream: str, stamp_ns: int) -> list[tuple[int, int]]:
+        """Return (colour, depth) stamps within the gap, each nearest to the other, in order of time.
+
+        As long as equal stamps may still come, only pairs that both streams have passed count.
+        """
+        trusted = self._run_without_exact >= _RUN_TO_TRUST
+        passed = min(self._newest.values())
+        pairs = []
+        for color in self._queues[COLOR]:
+            depth = _nearest(self._queues[DEPTH], color)
+            if depth is None or abs(color - depth) > self._rules.max_gap_ns:
+                continue
+            if _nearest(self._queues[COLOR], depth) != color:
+                continue
+            if trusted or max(color, depth) <= passed:
+                pairs.append((color, depth))
+        return sorted(pairs)
+
+    def _emit(self, color: int, depth: int) -> Pair[Item]:
+        last = self._emitted[DEPTH]
+        back = last is not None and depth < last
+        forward = last is not None and depth > last + _FORWARD_JUMPS * self._rules.reset_gap_ns
+        pair = Pair(depth, self._queues[COLOR].pop(color), self._queues[DEPTH].pop(depth), back or forward)
+        for stream, stamp in ((COLOR, color), (DEPTH, depth)):
+            self._emitted[stream] = stamp
+            self.counts[stream].paired += 1
+            self._forget(stream, stamp, back)
+        return pair
+
+    def _emit_single(self, stream: str, stamp_ns: int) -> Pair[Item] | None:
+        item = self._queues[stream].pop(stamp_ns)
+        if stream != (COLOR if self._rules.use_color else DEPTH):
+            self.counts[stream].superseded += 1
+            return None
+        last = self._emitted[stream]
+        back = last is not None and stamp_ns < last
+        forward = last is not None and stamp_ns > last + _FORWARD_JUMPS * self._rules.reset_gap_ns
+        self._emitted[stream] = stamp_ns
+        self.counts[stream].paired += 1
+        images = (item, None) if stream == COLOR else (None, item)
+        return Pair(stamp_ns, *images, back or forward)
+
+    def _forget(self, stream: str, stamp_ns: int, back: bool) -> None:
+        """Drop what can no longer be paired: older than the pair, or of the time before a jump back."""
+        queue = self._queues[stream]
+        gone = [t for t in queue if t < stamp_ns or (back and t > stamp_ns + self._rules.reset_gap_ns)]
+        for t in gone:
+            del queue[t]
+        self.counts[stream].superseded += len(gone)
+
+    def _evict(self, stream: str) -> None:
+        """Keep the queue within its bound: the message that waited longest goes first, whatever its stamp."""
+        queue, count = self._queues[stream], self.counts[stream]
+        other = self._newest[_other(stream)]
+        while len(queue) > self._rules.queue_size:
+            stamp_ns = next(iter(queue))
+            del queue[stamp_ns]
+            if other and stamp_ns > other + _FORWARD_JUMPS * self._rules.reset_gap_ns:
+                count.refused["stamp far ahead of the other stream"] += 1
+            elif other and stamp_ns < other - _FORWARD_JUMPS * self._rules.reset_gap_ns:
+                count.refused["stamp far behind the other stream"] += 1
+            else:
+                count.superseded += 1
+
+
+def _other(stream: str) -> str:
+    return DEPTH if stream == COLOR else COLOR
+
+
+def _nearest(stamps: dict[int, Item], stamp_ns: int) -> int | None:
+    return min(stamps, key=lambda t: abs(t - stamp_ns), default=None)
