@@ -20,6 +20,7 @@ class FitCosts:
     ----------
     wrong_class : structural pixel on a face of another kind (wall on the floor...).
     clutter_beyond : clutter behind the room's faces. clutter_apart : clutter far in front of a wall (weak pull).
+    fitted_apart : fitted furniture half a metre or more in front of a wall.
     unlabelled : factor for unlabelled pixels, which count as clutter.
     opening_beyond : points seen through a window, door or mirror.
     face : for each face in use, as a share of all pixels: a face must pay for itself.
@@ -30,6 +31,7 @@ class FitCosts:
     wrong_class: float = 1.5
     clutter_beyond: float = 0.8
     clutter_apart: float = 0.12
+    fitted_apart: float = 0.35
     unlabelled: float = 0.3
     opening_beyond: float = 0.3
     face: float = 0.004
@@ -53,7 +55,7 @@ def fit_cost(
     inverse_normals = FACE_SIGN[:, None] * R[FACE_AXIS] / distances[:, None]
     mean = _mean_cost(
         seen.rays, seen.inverse_depth, seen.kind, inverse_normals, distances, stride,
-        costs.wrong_class, costs.clutter_beyond, costs.clutter_apart, costs.unlabelled, costs.opening_beyond,
+        costs.wrong_class, costs.clutter_beyond, costs.clutter_apart, costs.fitted_apart, costs.unlabelled, costs.opening_beyond,
         costs.tolerance_m, costs.tolerance_per_m,
     )  # fmt: skip
     prior = 0.0
@@ -65,7 +67,7 @@ def fit_cost(
 @njit(cache=True, nogil=True)
 def _mean_cost(
     rays, inverse_depth, kind, m, distances, stride,
-    wrong_class, clutter_beyond, clutter_apart, unlabelled, opening_beyond, tolerance, per_metre,
+    wrong_class, clutter_beyond, clutter_apart, fitted_apart, unlabelled, opening_beyond, tolerance, per_metre,
 ):  # type: ignore[no-untyped-def]  # fmt: skip
     total, used = 0.0, 0
     for i in range(0, rays.shape[0], stride):
@@ -90,6 +92,8 @@ def _mean_cost(
             cost = clutter_beyond * off + clutter_apart * min(apart, 1.0)
             if what == 0:
                 cost *= unlabelled
+        elif what == 6:
+            cost = clutter_beyond * off + fitted_apart * min(2.0 * apart, 1.0)
         elif face < 0:
             cost = wrong_class
         elif (what == 2 and face != 1) or (what == 3 and face != 0) or ((what == 1 or what == 4) and face < 2):

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from ..core import CameraIntrinsics, RgbdFrame
 
-UNLABELLED, WALL, FLOOR, CEILING, OPENING, CLUTTER = range(6)
-"""Classes of the fit. An opening (window, door, mirror, blinds) is wall through which farther points may be seen."""
+UNLABELLED, WALL, FLOOR, CEILING, OPENING, CLUTTER, FITTED = range(7)
+"""Classes of the fit. An opening (window, door, mirror, blinds) is wall through which farther points may be seen.
+Fitted furniture (bookshelf, shelves) is clutter that stands at a wall."""
 
 _NYU40_CLASS = {1: WALL, 11: WALL, 16: WALL, 28: WALL, 30: WALL, 2: FLOOR, 20: FLOOR, 22: CEILING}
 _NYU40_CLASS |= dict.fromkeys((8, 9, 13, 19), OPENING)
+_NYU40_CLASS |= dict.fromkeys((10, 15), FITTED)
 
 _MIN_LINE_PX = 40.0
 _CELL_PX = 33
@@ -98,7 +100,7 @@ def _cells(
     y = np.broadcast_to((np.arange(height) - height / 2.0)[:, None], w.shape)
     at = (slice(_CELL_STEP_PX // 2, None, _CELL_STEP_PX),) * 2
     results = []
-    for members in ((WALL,), (FLOOR,), (CEILING,), (CLUTTER,)):
+    for members in ((WALL,), (FLOOR,), (CEILING,), (CLUTTER, FITTED)):
         mask = np.isin(kind, members) & (w > 0)
         if mask.sum() < 100:
             continue
@@ -121,7 +123,7 @@ def _cells(
         normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
         # depth comes in steps of about 4 cm: its spread in w is about 0.012 w at 1 m and grows with w z^2
         scale = 0.03 * mw * mw + 0.004 * mw
-        weight = np.where(good, np.exp(-0.5 * (rms / scale) ** 2) * s[0] / _CELL_PX**2, 0.0)
+        weight = np.where(good, np.exp(-0.5 * (rms / np.maximum(scale, 1e-6)) ** 2) * s[0] / _CELL_PX**2, 0.0)
         keep = weight > 0.05
         results.append((-normal[keep], np.full(keep.sum(), members[0], np.uint8), weight[keep]))
     if not results:

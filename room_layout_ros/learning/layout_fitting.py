@@ -12,9 +12,10 @@ from ..core import RgbdFrame, RoomCuboid
 from ..core.layout import FACE_AXIS, FACE_SIGN
 from .fit_axes import _exponential, axis_hypotheses
 from .fit_objective import FitCosts, fit_cost
-from .fit_observation import CEILING, CLUTTER, FLOOR, OPENING, UNLABELLED, WALL, FitObservation, observe
+from .fit_observation import CEILING, CLUTTER, FITTED, FLOOR, OPENING, WALL, FitObservation, observe
 
 CEILING_FACE, FLOOR_FACE, LEFT_FACE, FRONT_FACE, RIGHT_FACE = range(5)
+STRUCTURE = (WALL, FLOOR, CEILING, OPENING)
 _MIN_DISTANCE_M = 0.05
 _COARSE = 7
 
@@ -54,7 +55,7 @@ def fit_layout(
     """
     costs = costs or FitCosts()
     seen = observe(frame, labels40)
-    structural = (seen.kind != UNLABELLED) & (seen.kind != CLUTTER)
+    structural = np.isin(seen.kind, STRUCTURE)
     if structural.mean() < min_structure:
         return None
     found = [_search(seen, R, costs) for R in axis_hypotheses(seen)]
@@ -103,8 +104,8 @@ def _candidates(seen: FitObservation, R: NDArray[np.float64]) -> list[list[float
         mine = np.isin(kind, kinds.get(face, (WALL, OPENING)))
         values = _modes(along[mine], 4)
         if face >= LEFT_FACE or not values:
-            solid = kind == CLUTTER
-            values += _modes(along[solid], 2) if face >= LEFT_FACE else []
+            if face >= LEFT_FACE:
+                values += _modes(along[kind == FITTED], 2) + _modes(along[kind == CLUTTER], 2)
             if (along > _MIN_DISTANCE_M).sum() > 50:
                 values += [float(v) for v in np.quantile(along[along > _MIN_DISTANCE_M], (0.98, 0.995))]
         if face == FLOOR_FACE and not mine.sum() > 50:
@@ -186,7 +187,7 @@ def _quality(seen: FitObservation, cuboid: RoomCuboid, tolerance_m: float = 0.12
     value = seen.rays @ cuboid.inverse_normals.T
     face, inverse = value.argmax(axis=1), value.max(axis=1)
     kind = seen.kind
-    structural = (kind != UNLABELLED) & (kind != CLUTTER)
+    structural = np.isin(kind, STRUCTURE)
     same = np.select([kind == FLOOR, kind == CEILING], [face == FLOOR_FACE, face == CEILING_FACE], face >= LEFT_FACE)
     with np.errstate(divide="ignore", invalid="ignore"):
         offset = cuboid.distances[face] * (inverse / seen.inverse_depth - 1.0)
