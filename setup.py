@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import chain
 from pathlib import Path
 
-from setuptools import find_packages, setup
+from setuptools import Distribution, find_packages, setup
 from setuptools.command.install import install
 
 NAME = "room_layout_ros"
@@ -33,6 +33,13 @@ EXTRAS["all"] = sorted({*EXTRAS["offline"], *EXTRAS["ros"]})
 def files(folder: str) -> list[str]:
     """Return the files right inside `folder`, relative to this file's folder."""
     return sorted(p.relative_to(ROOT).as_posix() for p in (ROOT / folder).glob("*") if p.is_file())
+
+
+class DistributionWithData(Distribution):
+    """`pip install --editable` asks for `has_data`, which setuptools forgot to write, before it installs data_files."""
+
+    def has_data(self) -> bool:
+        return bool(self.has_data_files())
 
 
 class Install(install):
@@ -79,5 +86,6 @@ setup(
         ],
     },
     cmdclass={"install": Install},
+    distclass=DistributionWithData,
     zip_safe=False,
 )
