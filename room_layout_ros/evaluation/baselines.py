@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.labels import CLUTTER, FACES
 from room_layout_ros.core.layout import FACE_AXIS, FACE_SIGN, RoomCuboid
 from room_layout_ros.core.manhattan import estimate_manhattan_frame
-from room_layout_ros.datasets import Sample
+from room_layout_ros.datasets import DataError, Sample
 
 from .prediction import Prediction
 
@@ -31,7 +32,7 @@ def percentile_walls(sample: Sample, percentile: float = PERCENTILE) -> Predicti
     """
     frame = sample.frame
     geometry = compute_depth_geometry(frame, EstimatorConfig())
-    axes = estimate_manhattan_frame(geometry)
+    axes = None if geometry is None else estimate_manhattan_frame(geometry)
     if axes is None or frame.depth_m is None:
         return Prediction.nothing(frame.camera, "no axes")
     room = RoomCuboid(axes.R_room_camera, _extents(frame, axes.R_room_camera, percentile))
@@ -39,26 +40,41 @@ def percentile_walls(sample: Sample, percentile: float = PERCENTILE) -> Predicti
     return Prediction(layout=layout, labels=_label(frame, room, layout), cuboid=room)
 
 
-def constant_layout(layouts: Mapping[str, NDArray[np.uint8]]) -> Callable[[Sample], Prediction]:
-    """Return the method that answers each frame with the most frequent face per pixel of all *other* frames.
+@dataclass(frozen=True, slots=True)
+class ConstantLayout:
+    """The method that answers each frame with the most frequent face per pixel of all *other* frames.
 
     Every pixel is called structure: a picture of no room in particular.
     """
-    votes = sum_of_votes(layouts.values())
 
-    def predict(sample: Sample) -> Prediction:
-        own = layouts.get(sample.name)
-        others = votes - (sum_of_votes([own]) if own is not None else 0)
-        layout = (1 + np.argmax(others, axis=0)).astype(np.uint8)
+    votes: NDArray[np.int16]
+    frames: frozenset[str]
+
+    @classmethod
+    def of(cls, layouts: Mapping[str, NDArray[np.uint8]]) -> ConstantLayout:
+        """Count the votes of a set of true layouts by frame name.
+
+        Raises
+        ------
+        DataError
+            When the layouts are not all of one size.
+        """
+        if len({layout.shape for layout in layouts.values()}) > 1:
+            raise DataError("the true layouts differ in size; the constant layout needs one size (--baseline none)")
+        return cls(sum_of_votes(layouts.values()), frozenset(layouts))
+
+    def __call__(self, sample: Sample) -> Prediction:
+        """Return the others' most frequent faces."""
+        votes = self.votes
+        if sample.name in self.frames and sample.truth is not None and sample.truth.layout is not None:
+            votes = votes - sum_of_votes([sample.truth.layout])
+        layout = (1 + np.argmax(votes, axis=0)).astype(np.uint8)
         return Prediction(layout=layout, labels=layout)
 
-    return predict
 
-
-def sum_of_votes(layouts: Iterable[NDArray[np.uint8]]) -> NDArray[np.int32]:
-    """Return (5, H, W) int32: how many layouts have face k + 1 at a pixel."""
-    votes = [np.stack([layout == face for face in FACES]).astype(np.int32) for layout in layouts]
-    return np.sum(votes, axis=0, dtype=np.int32)
+def sum_of_votes(layouts: Iterable[NDArray[np.uint8]]) -> NDArray[np.int16]:
+    """Return (5, H, W) int16: how many layouts have face k + 1 at a pixel."""
+    return np.sum([np.stack([layout == face for face in FACES]) for layout in layouts], axis=0, dtype=np.int16)
 
 
 def _extents(frame: RgbdFrame, R_room_camera: NDArray[np.float64], percentile: float) -> NDArray[np.float64]:

@@ -48,6 +48,11 @@ class SetScore:
     frames: tuple[FrameScore, ...]
 
     @property
+    def without_estimate(self) -> int:
+        """Frames for which the method had no answer; they count as wrong in every pixel."""
+        return sum(frame.status != "ok" for frame in self.frames)
+
+    @property
     def layout_errors(self) -> NDArray[np.float64]:
         """(n,) wall names permuted to the best fit."""
         return np.array([frame.pixels.layout_error for frame in self.frames])

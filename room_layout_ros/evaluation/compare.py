@@ -1,0 +1,88 @@
+"""One frame, every method: its scores and a picture beside the truth. What a worker of `evaluate` does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from time import perf_counter
+
+import cv2
+import numpy as np
+
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.datasets import Sample
+from room_layout_ros.datasets.images import encode_image
+
+from . import pictures
+from .prediction import Prediction
+from .scores import FrameScore, Method, score_frame
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorMethod:
+    """Our estimator as a method; `rgb_only` leaves the depth unused."""
+
+    config: EstimatorConfig
+    rgb_only: bool = False
+
+    def __call__(self, sample: Sample) -> Prediction:
+        """Estimate the frame by itself, without memory of others."""
+        frame = sample.frame.without_depth() if self.rgb_only else sample.frame
+        estimator = _estimator(self.config)
+        start = perf_counter()
+        estimate = estimator(frame)
+        return Prediction.of_estimate(estimate, 1e3 * (perf_counter() - start))
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedFrame:
+    """Scores by method title, and a JPEG: truth and first method side by side."""
+
+    name: str
+    scores: Mapping[str, FrameScore]
+    picture: bytes
+
+
+def compare(methods: Mapping[str, Method], sample: Sample) -> ComparedFrame:
+    """Apply every method to a sample; the picture shows the first one."""
+    scores: dict[str, FrameScore] = {}
+    first: Prediction | None = None
+    for title, method in methods.items():
+        start = perf_counter()
+        prediction = method(sample)
+        if np.isnan(prediction.milliseconds):
+            prediction = replace(prediction, milliseconds=1e3 * (perf_counter() - start))
+        first = first or prediction
+        scores[title] = score_frame(sample, prediction)
+    assert first is not None
+    return ComparedFrame(sample.name, scores, _picture(sample, first, next(iter(scores.values()))))
+
+
+def _picture(sample: Sample, prediction: Prediction, score: FrameScore) -> bytes:
+    truth = sample.truth
+    assert truth is not None
+    assert truth.layout is not None
+    image = pictures.base_image(sample.frame)
+    rename = np.array(score.pixels.wall_names, np.uint8)
+    layout, labels = rename[prediction.layout], rename[prediction.labels]
+    outlined = pictures.draw_outlines(image, truth.layout, pictures.TRUTH_COLOR)
+    outlined = pictures.draw_outlines(outlined, layout, pictures.ESTIMATE_COLOR, 2)
+    row = [("layout: truth red, ours blue", outlined)]
+    if sample.frame.depth_m is not None:
+        row.append(("depth", pictures.paint_depth(sample.frame.depth_m)))
+    if truth.labels is not None:
+        row.append(("true labels", pictures.paint_labels(image, truth.labels)))
+    row.append(("our labels", pictures.paint_labels(image, labels)))
+    if truth.furniture is not None and prediction.furniture is not None:
+        row.append(("true furniture", pictures.paint_classes(image, truth.furniture)))
+        row.append(("our furniture", pictures.paint_classes(image, prediction.furniture)))
+    return encode_image(".jpg", pictures.tiles(row, len(row), (240, 180)))
+
+
+@lru_cache(maxsize=2)
+def _estimator(config: EstimatorConfig) -> Callable[..., object]:
+    from room_layout_ros.core.estimator import LayoutEstimator
+
+    cv2.setNumThreads(1)
+    return LayoutEstimator(config).estimate

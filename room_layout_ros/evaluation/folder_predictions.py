@@ -1,0 +1,92 @@
+"""Predictions read from the folder that `room-layout estimate` wrote (docs/data.md)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from room_layout_ros.core.labels import CLUTTER, FACES, LABEL_NAMES, N_FACES
+from room_layout_ros.datasets import DataError, Sample
+from room_layout_ros.datasets.images import read_index
+
+from .prediction import Prediction
+
+
+@dataclass(frozen=True, slots=True)
+class FolderPredictions:
+    """The method "what these files say"; a frame without files is an empty prediction, so wrong everywhere."""
+
+    path: Path
+    lines: dict[str, dict[str, Any]]
+
+    def __call__(self, sample: Sample) -> Prediction:
+        """Return what the folder holds of this frame.
+
+        Raises
+        ------
+        DataError
+            When one of its images is damaged or of another size than the frame's.
+        """
+        camera, line = sample.frame.camera, self.lines.get(sample.name, {})
+        layout = self._image("layout", sample.name, N_FACES)
+        labels = self._image("labels", sample.name, CLUTTER)
+        furniture = self._image("furniture", sample.name, 255)
+        if layout is None or labels is None:
+            return Prediction.nothing(camera, str(line.get("error", "no files")))
+        for kind, image in (("layout", layout), ("labels", labels)):
+            if image.shape != (camera.height, camera.width):
+                raise DataError(
+                    f"{self.path / kind / sample.name}.png has shape {image.shape}; "
+                    f"the frame's is {(camera.height, camera.width)}"
+                )
+        by_face = line.get("face_confidence", {})
+        faces = np.array([_number(by_face.get(LABEL_NAMES[face])) for face in FACES])
+        return Prediction(
+            layout=layout,
+            labels=labels,
+            furniture=furniture,
+            confidence=_number(line.get("confidence")),
+            face_confidence=faces,
+            status=str(line.get("status", "ok")).lower(),
+            milliseconds=_milliseconds(line.get("timings_ms", {})),
+        )
+
+    def _image(self, kind: str, name: str, highest: int) -> NDArray[np.uint8] | None:
+        path = self.path / kind / f"{name}.png"
+        return read_index(path, highest) if path.exists() else None
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def _milliseconds(timings: Mapping[str, float | None]) -> float:
+    """Return the line's total, or the sum of its stages."""
+    return _number(timings.get("total", sum(t or 0.0 for t in timings.values()) or None))
+
+
+def read_folder(path: Path) -> FolderPredictions:
+    """Open the output folder of `room-layout estimate`.
+
+    Raises
+    ------
+    DataError
+        When it holds no layouts, or its estimates.jsonl is damaged.
+    """
+    if not (path / "layout").is_dir():
+        raise DataError(f"{path} has no layout/; give the --out folder of `room-layout estimate`")
+    lines: dict[str, dict[str, Any]] = {}
+    listing = path / "estimates.jsonl"
+    for number, text in enumerate(listing.read_text("utf-8").splitlines() if listing.exists() else [], 1):
+        try:
+            line = json.loads(text)
+            lines[str(line["name"])] = line
+        except (ValueError, KeyError, TypeError):
+            raise DataError(f"{listing} line {number} is no estimate; it must be a JSON object with a name") from None
+    return FolderPredictions(path, lines)
