@@ -1,0 +1,217 @@
+"""Connected superpixels from a label image: union-find over runs, small pieces joined to a neighbour."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def _find(parent, i):  # type: ignore[no-untyped-def]
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return i
+
+
+@njit(cache=True, nogil=True)
+def _runs(index):  # type: ignore[no-untyped-def]
+    """Return the first column of each run of equal labels and the first run of each row (H + 1,)."""
+    height, width = index.shape
+    first_run = np.empty(height + 1, np.int32)
+    start = np.empty(height * width, np.int16)
+    n = 0
+    for y in range(height):
+        first_run[y] = n
+        start[n] = 0
+        n += 1
+        for x in range(1, width):
+            if index[y, x] != index[y, x - 1]:
+                start[n] = x
+                n += 1
+    first_run[height] = n
+    return start[:n], first_run
+
+
+@njit(cache=True, nogil=True)
+def _components(index, start, first_run):  # type: ignore[no-untyped-def]
+    """Return the 4-connected component of each run, numbered in raster order, and the number of them."""
+    height, width = index.shape
+    n = len(start)
+    parent = np.arange(n)
+    for y in range(1, height):
+        up, up_end = first_run[y - 1], first_run[y]
+        for run in range(first_run[y], first_run[y + 1]):
+            x0 = start[run]
+            x1 = start[run + 1] if run + 1 < first_run[y + 1] else width
+            while True:
+                up_x1 = start[up + 1] if up + 1 < up_end else width
+                if index[y, x0] == index[y - 1, start[up]]:
+                    a, b = _find(parent, up), _find(parent, run)
+                    parent[max(a, b)] = min(a, b)
+                if up_x1 >= x1:
+                    if up_x1 == x1:
+                        up += 1
+                    break
+                up += 1
+    component = np.empty(n, np.int32)
+    count = 0
+    for run in range(n):
+        root = _find(parent, run)
+        if root == run:
+            component[run] = count
+            count += 1
+        else:
+            component[run] = component[root]
+    return component, count
+
+
+@njit(cache=True, nogil=True)
+def _borders(component, count, start, first_run, width):  # type: ignore[no-untyped-def]
+    """Return the pixels of each component and its borders: (first, neighbour, length), three lists by component.
+
+    A border shows up once per stretch; a neighbour may be listed more than once.
+    """
+    height = len(first_run) - 1
+    n = len(start)
+    size, degree = np.zeros(count, np.int32), np.zeros(count + 1, np.int32)
+    pairs = np.empty((3 * n + 1, 3), np.int32)
+    m = 0
+    for y in range(height):
+        up = first_run[y - 1] if y > 0 else 0
+        up_end = first_run[y]
+        for run in range(first_run[y], first_run[y + 1]):
+            x0 = start[run]
+            x1 = start[run + 1] if run + 1 < first_run[y + 1] else width
+            c = component[run]
+            size[c] += x1 - x0
+            if x0 > 0:
+                m = _add_pair(pairs, m, component[run - 1], c, 1, degree)
+            while y > 0:
+                up_x0 = start[up]
+                up_x1 = start[up + 1] if up + 1 < up_end else width
+                if component[up] != c:
+                    m = _add_pair(pairs, m, component[up], c, min(x1, up_x1) - max(x0, up_x0), degree)
+                if up_x1 >= x1:
+                    if up_x1 == x1:
+                        up += 1
+                    break
+                up += 1
+    first = np.zeros(count + 1, np.int32)
+    for c in range(count):
+        first[c + 1] = first[c] + degree[c]
+    fill = first[:-1].copy()
+    neighbour, length = np.empty(2 * m, np.int32), np.empty(2 * m, np.int32)
+    for i in range(m):
+        a, b, overlap = pairs[i]
+        neighbour[fill[a]], length[fill[a]] = b, overlap
+        fill[a] += 1
+        neighbour[fill[b]], length[fill[b]] = a, overlap
+        fill[b] += 1
+    return size, first, neighbour, length
+
+
+@njit(cache=True, nogil=True)
+def _add_pair(pairs, m, a, b, overlap, degree):  # type: ignore[no-untyped-def]
+    pairs[m, 0], pairs[m, 1], pairs[m, 2] = a, b, overlap
+    degree[a] += 1
+    degree[b] += 1
+    return m + 1
+
+
+@njit(cache=True, nogil=True)
+def _join_small(size, first, neighbour, length, min_pixels):  # type: ignore[no-untyped-def]
+    """Return the component that each component ends in: small ones join the neighbour of the longest border."""
+    count = len(size)
+    parent = np.arange(count)
+    size = size.copy()
+    next_member = np.full(count, -1)
+    last_member = np.arange(count)
+    tally = np.zeros(count, np.int64)
+    for c in range(count):
+        while size[_find(parent, c)] < min_pixels:
+            root = _find(parent, c)
+            best, longest = -1, 0
+            for sweep in range(2):  # the second sweep clears the tally
+                member = root
+                while member >= 0:
+                    for i in range(first[member], first[member + 1]):
+                        other = _find(parent, neighbour[i])
+                        if other == root:
+                            continue
+                        if sweep == 1:
+                            tally[other] = 0
+                            continue
+                        tally[other] += length[i]
+                        if tally[other] > longest or (tally[other] == longest and other < best):
+                            best, longest = other, tally[other]
+                    member = next_member[member]
+            if best < 0:
+                break
+            parent[root] = best
+            size[best] += size[root]
+            next_member[last_member[best]] = root
+            last_member[best] = last_member[root]
+    for c in range(count):
+        parent[c] = _find(parent, c)
+    return parent
+
+
+@njit(cache=True, nogil=True)
+def connect(index, min_pixels):  # type: ignore[no-untyped-def]
+    """Return the label image made 4-connected, ids 0.. in raster order: (H, W) int32, and the number of ids.
+
+    Pieces below `min_pixels` join the neighbour with whom they share the longest border.
+    """
+    height, width = index.shape
+    start, first_run = _runs(index)
+    component, count = _components(index, start, first_run)
+    size, first, neighbour, length = _borders(component, count, start, first_run, width)
+    target = _join_small(size, first, neighbour, length, min_pixels)
+    ids = np.full(count, -1, np.int32)
+    labels = 0
+    connected = np.empty((height, width), np.int32)
+    for y in range(height):
+        for run in range(first_run[y], first_run[y + 1]):
+            root = target[component[run]]
+            if ids[root] < 0:
+                ids[root] = labels
+                labels += 1
+            x1 = start[run + 1] if run + 1 < first_run[y + 1] else width
+            connected[y, start[run] : x1] = ids[root]
+    return connected, labels
+
+
+@njit(cache=True, nogil=True)
+def adjacency(index):  # type: ignore[no-untyped-def]
+    """Return the pairs (E, 2) int32 of touching labels, i < j in ascending order, and the length of their border.
+
+    The length counts pairs of 4-neighbouring pixels.
+    """
+    start, first_run = _runs(index)
+    height, width = index.shape
+    n = len(start)
+    label = np.empty(n, np.int32)
+    for y in range(height):
+        for run in range(first_run[y], first_run[y + 1]):
+            label[run] = index[y, start[run]]
+    count = label.max() + 1
+    _, first, neighbour, length = _borders(label, count, start, first_run, width)
+    total = np.zeros(count, np.int32)
+    edges, edge_length = np.empty((len(neighbour), 2), np.int32), np.empty(len(neighbour), np.int32)
+    m = 0
+    for a in range(count):
+        found = np.empty(first[a + 1] - first[a], np.int32)
+        k = 0
+        for i in range(first[a], first[a + 1]):
+            b = neighbour[i]
+            if b > a:
+                if total[b] == 0:
+                    found[k] = b
+                    k += 1
+                total[b] += length[i]
+        for b in np.sort(found[:k]):
+            edges[m, 0], edges[m, 1], edge_length[m] = a, b, total[b]
+            total[b] = 0
+            m += 1
+    return edges[:m].copy(), edge_length[:m].copy()
