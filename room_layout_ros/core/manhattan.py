@@ -14,11 +14,18 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, CellPlanes, DepthGeometry, depth_sigma, fit_cell_planes, solve_plane
+from .axes_refinement import refine_on_planes
+from .depth import DepthGeometry, fit_cell_planes
 
 _KERNEL_RAD = np.deg2rad(5.0)
 _MIN_NORMALS = 12
+_BANDWIDTH = _KERNEL_RAD**2
+"""1 - cos of two directions over this is the exponent of the kernel, which is Gaussian in their angle."""
 _SAME_FRAME_RAD = np.deg2rad(8.0)
+_MODES = 4
+_MODES_APART_RAD = np.deg2rad(12.0)
+_MODE_SEEDS = 120
+_MIN_MODE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,14 +70,14 @@ def estimate_manhattan_frame(
     weight = 1.0 / (cells.sigma**2 + _KERNEL_RAD**2)
     weight /= weight.sum()
     starts = _candidates(cells.normal, weight) if prior is None else [prior]
-    scored = sorted(((_score(R, cells.normal, weight), i) for i, R in enumerate(starts)), reverse=True)
+    scored = sorted(((_score(R, cells.normal, weight, _BANDWIDTH), i) for i, R in enumerate(starts)), reverse=True)
     if prior is not None and scored[0][0] < 0.5:
         return estimate_manhattan_frame(geometry, None, gravity)
     refined: list[tuple[float, NDArray[np.float64]]] = []
     for _, i in scored[:3]:
         R = refine_on_planes(geometry, starts[i])
         if all(angle_between_frames(R, other) > _SAME_FRAME_RAD for _, other in refined):
-            refined.append((_score(R, cells.normal, weight), name_axes(R, gravity)))
+            refined.append((_score(R, cells.normal, weight, _BANDWIDTH), name_axes(R, gravity)))
     refined.sort(key=lambda item: -item[0])
     hypotheses = [turned for _, R in refined for turned in (R, other_front(R))]
     return ManhattanFrame(refined[0][1], float(refined[0][0]), tuple(hypotheses))
@@ -109,7 +116,7 @@ def angle_between_frames(a: NDArray[np.float64], b: NDArray[np.float64]) -> floa
 def _candidates(normals: NDArray[np.float64], weight: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """Triples from the strongest normal modes and the azimuths around each."""
     triples = []
-    for axis in _modes(normals, weight, 4):
+    for axis in _modes(normals, weight, _MODES, _BANDWIDTH, _MODES_APART_RAD):
         basis = _complete(axis)
         for angle in _azimuths(normals, weight, basis):
             c, s = np.cos(angle), np.sin(angle)
@@ -117,25 +124,40 @@ def _candidates(normals: NDArray[np.float64], weight: NDArray[np.float64]) -> li
     return triples
 
 
-def _modes(normals: NDArray[np.float64], weight: NDArray[np.float64], count: int) -> list[NDArray[np.float64]]:
-    """Greedy modes of axial directions: densest normal, mean of its neighbourhood, suppress, repeat."""
-    seeds = normals[:: max(1, len(normals) // 200)]
-    kernel = np.exp(-(1.0 - np.abs(seeds @ normals.T)) / (_KERNEL_RAD**2))
-    density = kernel @ weight
-    modes: list[NDArray[np.float64]] = []
-    for _ in range(count):
-        k = int(np.argmax(density))
-        if modes and density[k] <= 0.01:
+@njit(cache=True, nogil=True)
+def _modes(normals, weight, count, bandwidth, apart):  # type: ignore[no-untyped-def]
+    """Greedy modes (k, 3) of axial directions: densest normal, mean of its neighbourhood, suppress, repeat."""
+    n = len(normals)
+    stride = max(1, n // _MODE_SEEDS)
+    seeds = normals[::stride]
+    density = np.zeros(len(seeds))
+    for i in range(len(seeds)):
+        for j in range(n):
+            c = abs(seeds[i, 0] * normals[j, 0] + seeds[i, 1] * normals[j, 1] + seeds[i, 2] * normals[j, 2])
+            if 1.0 - c < 5.0 * bandwidth:
+                density[i] += weight[j] * np.exp(-(1.0 - c) / bandwidth)
+    modes = np.zeros((count, 3))
+    found = 0
+    while found < count:
+        k = np.argmax(density)
+        if found > 0 and density[k] <= _MIN_MODE:
             break
-        mode = seeds[k]
+        mode = seeds[k].copy()
         for _ in range(3):
-            cosine = normals @ mode
-            w = weight * np.exp(-(1.0 - np.abs(cosine)) / (_KERNEL_RAD**2)) * np.sign(cosine)
-            mode = w @ normals
-            mode = mode / np.linalg.norm(mode)
-        modes.append(mode)
-        density = np.where(np.abs(seeds @ mode) > np.cos(np.deg2rad(12.0)), 0.0, density)
-    return modes
+            total = np.zeros(3)
+            for j in range(n):
+                c = mode[0] * normals[j, 0] + mode[1] * normals[j, 1] + mode[2] * normals[j, 2]
+                if 1.0 - abs(c) < 5.0 * bandwidth:
+                    total += (weight[j] * np.exp(-(1.0 - abs(c)) / bandwidth) * np.sign(c)) * normals[j]
+            length = np.sqrt((total**2).sum())
+            if length > 0.0:
+                mode = total / length
+        modes[found] = mode
+        found += 1
+        for i in range(len(seeds)):
+            if abs(seeds[i, 0] * mode[0] + seeds[i, 1] * mode[1] + seeds[i, 2] * mode[2]) > np.cos(apart):
+                density[i] = 0.0
+    return modes[:found]
 
 
 def _complete(axis: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -169,130 +191,14 @@ def _azimuths(normals: NDArray[np.float64], weight: NDArray[np.float64], basis: 
     return peaks
 
 
-def _score(R: NDArray[np.float64], normals: NDArray[np.float64], weight: NDArray[np.float64]) -> float:
-    """Share of the weight whose normal lies on an axis, with a Gaussian kernel of 5 degrees."""
-    cosine = np.abs(normals @ R.T).max(axis=1)
-    return float(weight @ np.exp(-(1.0 - cosine) / (_KERNEL_RAD**2)))
-
-
-def refine_on_planes(geometry: DepthGeometry, R: NDArray[np.float64], rounds: int = 3) -> NDArray[np.float64]:
-    """Refine axes on whole planes: grow, fit in inverse depth, solve for the rotation; repeated as planes improve."""
-    cells = fit_cell_planes(geometry, radius=1)
-    for round_ in range(rounds):
-        tolerance = np.deg2rad(15.0 if round_ == 0 else 8.0)
-        plane, n_planes = _grow(
-            geometry.moments.shape[0], geometry.moments.shape[1], cells.cell, cells.normal, cells.centroid, cells.sigma, R, tolerance
-        )
-        normals, axes, weights = _plane_normals(geometry, cells, plane, n_planes, R)
-        if len(axes) == 0:
-            return R
-        R = _rotation_to(normals, axes, weights, R)
-    return R
-
-
-def _plane_normals(
-    geometry: DepthGeometry, cells: CellPlanes, plane: NDArray[np.int32], n_planes: int, R: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
-    """Normals, axes and weights of the grown planes of at least 30 cells."""
-    normals, axes, weights = [], [], []
-    moments = geometry.moments[cells.cell[:, 0], cells.cell[:, 1]]
-    for p in range(n_planes):
-        members = plane == p
-        if members.sum() < 30:
-            continue
-        s = moments[members].sum(axis=0)
-        try:
-            m, covariance = solve_plane(s)
-        except np.linalg.LinAlgError:
-            continue
-        normal = m / np.linalg.norm(m)
-        sigma_w = float(np.mean([depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) / z**2 for z in cells.centroid[members, 2]]))
-        # Neighbouring errors go together: a cell (100 px) is taken as one measurement, and never trusted below 0.3 deg.
-        spread = sigma_w * np.sqrt(100.0 * np.trace(covariance[:2, :2])) / np.linalg.norm(m)
-        cosine = R @ normal
-        k = int(np.argmax(np.abs(cosine)))
-        normals.append(normal * np.sign(cosine[k]))
-        axes.append(k)
-        weights.append(np.sqrt(members.sum()) / (spread**2 + np.deg2rad(0.3) ** 2))
-    return np.array(normals).reshape(-1, 3), np.array(axes, dtype=np.intp), np.array(weights)
-
-
-def _rotation_to(
-    normals: NDArray[np.float64], axes: NDArray[np.intp], weights: NDArray[np.float64], R: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Robust small rotation that turns the rows of R onto the normals of their axes (Gauss-Newton, Cauchy weights)."""
-    for _ in range(10):
-        targets = R[axes]
-        residual = np.cross(targets, normals)  # rotation vector that takes target to normal
-        angle = np.linalg.norm(residual, axis=1)
-        w = weights / (1.0 + (angle / np.deg2rad(1.5)) ** 2)
-        # A normal says nothing about the rotation around itself: weight (I - a a^T), a weak prior keeps it solvable.
-        A = np.einsum("i,ijk->jk", w, np.eye(3) - np.einsum("ij,ik->ijk", targets, targets)) + 1e-3 * weights.sum() * np.eye(3)
-        step = np.linalg.solve(A, w @ residual)
-        R = R @ _rotation(step).T
-        if np.linalg.norm(step) < 1e-6:
-            break
-    u, _, vt = np.linalg.svd(R)
-    return np.asarray(u @ vt)
-
-
-def _rotation(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rodrigues: rotation matrix of a rotation vector."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-12:
-        return np.eye(3)
-    x, y, z = vector / angle
-    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K)
-
-
 @njit(cache=True, nogil=True)
-def _grow(rows, cols, cell, normal, centroid, sigma, R, tolerance):  # type: ignore[no-untyped-def]
-    """Connected cells on one plane along an axis: (plane index per cell or -1, number of planes)."""
-    n = len(cell)
-    at = -np.ones((rows, cols), np.int32)
-    axis = -np.ones(n, np.int8)
-    for i in range(n):
-        at[cell[i, 0], cell[i, 1]] = i
+def _score(R, normals, weight, bandwidth):  # type: ignore[no-untyped-def]
+    """Share of the weight whose normal lies on an axis, with a Gaussian kernel."""
+    total = 0.0
+    for j in range(len(normals)):
         best = 0.0
         for k in range(3):
-            c = abs(R[k, 0] * normal[i, 0] + R[k, 1] * normal[i, 1] + R[k, 2] * normal[i, 2])
-            if c > best:
-                best = c
-                if c > np.cos(min(tolerance + 1.5 * sigma[i], 0.6)):
-                    axis[i] = k
-    plane = -np.ones(n, np.int32)
-    stack = np.empty(n, np.int32)
-    count = 0
-    for seed in range(n):
-        if axis[seed] < 0 or plane[seed] >= 0:
-            continue
-        plane[seed] = count
-        stack[0] = seed
-        top = 1
-        k = axis[seed]
-        while top > 0:
-            top -= 1
-            i = stack[top]
-            for move in range(4):
-                r = cell[i, 0] + (1 if move == 0 else -1 if move == 1 else 0)
-                c = cell[i, 1] + (1 if move == 2 else -1 if move == 3 else 0)
-                if r < 0 or r >= rows or c < 0 or c >= cols:
-                    continue
-                j = at[r, c]
-                if j < 0 or plane[j] >= 0 or axis[j] != k:
-                    continue
-                dx = centroid[j, 0] - centroid[i, 0]
-                dy = centroid[j, 1] - centroid[i, 1]
-                dz = centroid[j, 2] - centroid[i, 2]
-                off = abs(R[k, 0] * dx + R[k, 1] * dy + R[k, 2] * dz)
-                length = np.sqrt(dx * dx + dy * dy + dz * dz)
-                z = centroid[i, 2]
-                if off < length * tolerance + 2.0 * (0.01 + 0.0019 * z * z):
-                    plane[j] = count
-                    stack[top] = j
-                    top += 1
-        count += 1
-    return plane, count
-
-
+            c = abs(R[k, 0] * normals[j, 0] + R[k, 1] * normals[j, 1] + R[k, 2] * normals[j, 2])
+            best = max(best, c)
+        total += weight[j] * np.exp(-(1.0 - best) / bandwidth)
+    return total

@@ -1,0 +1,187 @@
+"""Refinement of Manhattan axes on whole planes (docs/method.md, section 4).
+
+A cell's normal is good to some degrees, a whole wall's to a tenth: cells that agree with an axis are grown into
+connected planes, their summed moments give one least-squares plane each, and the rotation that fits these planes'
+normals best (robustly, weighted by their precision) follows by Gauss-Newton. Repeated, as better axes grow better planes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma, fit_cell_planes
+
+_FIRST_TOLERANCE_RAD = np.deg2rad(15.0)
+_TOLERANCE_RAD = np.deg2rad(8.0)
+_MIN_CELLS = 30
+_BEST_SIGMA_RAD = np.deg2rad(0.3)
+"""No plane's normal is trusted beyond this: walls are not flat and lenses not perfect."""
+_CAUCHY_RAD = np.deg2rad(1.5)
+
+
+def refine_on_planes(geometry: DepthGeometry, R: NDArray[np.float64], rounds: int = 3) -> NDArray[np.float64]:
+    """Turn the axes `R` (rows, camera frame) onto the planes that are nearly aligned with them.
+
+    Parameters
+    ----------
+    geometry : DepthGeometry
+    R : (3, 3) float64 rotation, within about 15 degrees of the truth
+    rounds : int
+
+    Returns
+    -------
+    (3, 3) float64 rotation; `R` itself where no plane is large enough.
+    """
+    cells = fit_cell_planes(geometry, radius=1)
+    rows, cols, _ = geometry.moments.shape
+    moments = geometry.moments[cells.cell[:, 0], cells.cell[:, 1]]
+    for round_ in range(rounds):
+        tolerance = _FIRST_TOLERANCE_RAD if round_ == 0 else _TOLERANCE_RAD
+        plane, n_planes = _grow(rows, cols, cells.cell, cells.normal, cells.centroid, cells.sigma, R, tolerance)
+        normals, axes, weights = _plane_normals(moments, plane, n_planes, R, _MIN_CELLS)
+        if len(axes) == 0:
+            return R
+        R = _turn(normals, axes, weights, R)
+    u, _, vt = np.linalg.svd(R)
+    return np.asarray(u @ vt)
+
+
+@njit(cache=True, nogil=True)
+def _plane_normals(moments, plane, n_planes, R, min_cells):  # type: ignore[no-untyped-def]
+    """Normals (p, 3), nearest axes (p,) and weights (p,) of the planes of at least `min_cells` cells."""
+    sums = np.zeros((n_planes, 10))
+    cells = np.zeros(n_planes, np.int32)
+    for i in range(len(plane)):
+        if plane[i] >= 0:
+            cells[plane[i]] += 1
+            for k in range(10):
+                sums[plane[i], k] += moments[i, k]
+    normals = np.empty((n_planes, 3))
+    axes = np.empty(n_planes, np.int64)
+    weights = np.empty(n_planes)
+    count = 0
+    for p in range(n_planes):
+        if cells[p] < min_cells:
+            continue
+        s = sums[p]
+        n = s[0]
+        mx, my, mw = s[1] / n, s[2] / n, s[3] / n
+        cxx, cxy, cyy = s[4] / n - mx * mx, s[5] / n - mx * my, s[6] / n - my * my
+        cxw, cyw = s[7] / n - mx * mw, s[8] / n - my * mw
+        det = cxx * cyy - cxy * cxy
+        if det < 1e-12:
+            continue
+        a = (cyy * cxw - cxy * cyw) / det
+        b = (cxx * cyw - cxy * cxw) / det
+        c = mw - a * mx - b * my
+        length = np.sqrt(a * a + b * b + c * c)
+        best = 0.0
+        for k in range(3):
+            cosine = (R[k, 0] * a + R[k, 1] * b + R[k, 2] * c) / length
+            if abs(cosine) > abs(best):
+                best = cosine
+                axes[count] = k
+        sign = 1.0 if best >= 0 else -1.0
+        normals[count, 0], normals[count, 1], normals[count, 2] = sign * a / length, sign * b / length, sign * c / length
+        # Neighbouring errors go together: a cell counts as one measurement, not its 100 pixels.
+        sigma_w = depth_sigma(1.0 / mw, NOISE_FLOOR_M, NOISE_QUADRATIC) * mw * mw
+        spread = sigma_w * np.sqrt((cxx + cyy) / det / cells[p]) / length
+        weights[count] = np.sqrt(cells[p]) / (spread**2 + _BEST_SIGMA_RAD**2)
+        count += 1
+    return normals[:count], axes[:count], weights[:count]
+
+
+@njit(cache=True, nogil=True)
+def _turn(normals, axes, weights, R):  # type: ignore[no-untyped-def]
+    """Small robust rotation that turns the rows of R onto the normals of their axes (Gauss-Newton, Cauchy weights)."""
+    for _ in range(10):
+        A = np.zeros((3, 3))
+        g = np.zeros(3)
+        total = 0.0
+        for i in range(len(axes)):
+            t = R[axes[i]]
+            residual = np.cross(t, normals[i])  # rotation vector that takes the axis to the normal
+            angle2 = (residual**2).sum()
+            w = weights[i] / (1.0 + angle2 / _CAUCHY_RAD**2)
+            total += weights[i]
+            for j in range(3):
+                g[j] += w * residual[j]
+                A[j, j] += w
+                for k in range(3):
+                    A[j, k] -= w * t[j] * t[k]  # a normal says nothing about the rotation around itself
+        for j in range(3):
+            A[j, j] += 1e-3 * total
+        step = np.linalg.solve(A, g)
+        R = _rotate_rows(R, step)
+        if (step**2).sum() < 1e-12:
+            break
+    return R
+
+
+@njit(cache=True, nogil=True)
+def _rotate_rows(R, vector):  # type: ignore[no-untyped-def]
+    """Rotate each row of R by a rotation vector (Rodrigues)."""
+    angle = np.sqrt((vector**2).sum())
+    if angle < 1e-12:
+        return R
+    u = vector / angle
+    c, s = np.cos(angle), np.sin(angle)
+    turned = np.empty((3, 3))
+    for k in range(3):
+        dot = (u * R[k]).sum()
+        turned[k] = c * R[k] + s * np.cross(u, R[k]) + (1.0 - c) * dot * u
+    return turned
+
+
+@njit(cache=True, nogil=True)
+def _grow(rows, cols, cell, normal, centroid, sigma, R, tolerance):  # type: ignore[no-untyped-def]
+    """Connected cells on one plane along an axis: (plane index per cell or -1, number of planes)."""
+    n = len(cell)
+    at = -np.ones((rows, cols), np.int32)
+    axis = -np.ones(n, np.int8)
+    for i in range(n):
+        at[cell[i, 0], cell[i, 1]] = i
+        best = 0.0
+        for k in range(3):
+            c = abs(R[k, 0] * normal[i, 0] + R[k, 1] * normal[i, 1] + R[k, 2] * normal[i, 2])
+            if c > best:
+                best = c
+                if c > np.cos(min(tolerance + 1.5 * sigma[i], 0.6)):
+                    axis[i] = k
+    plane = -np.ones(n, np.int32)
+    stack = np.empty(n, np.int32)
+    count = 0
+    for seed in range(n):
+        if axis[seed] < 0 or plane[seed] >= 0:
+            continue
+        plane[seed] = count
+        stack[0] = seed
+        top = 1
+        k = axis[seed]
+        while top > 0:
+            top -= 1
+            i = stack[top]
+            for move in range(4):
+                r = cell[i, 0] + (1 if move == 0 else -1 if move == 1 else 0)
+                c = cell[i, 1] + (1 if move == 2 else -1 if move == 3 else 0)
+                if r < 0 or r >= rows or c < 0 or c >= cols:
+                    continue
+                j = at[r, c]
+                if j < 0 or plane[j] >= 0 or axis[j] != k:
+                    continue
+                dx = centroid[j, 0] - centroid[i, 0]
+                dy = centroid[j, 1] - centroid[i, 1]
+                dz = centroid[j, 2] - centroid[i, 2]
+                off = abs(R[k, 0] * dx + R[k, 1] * dy + R[k, 2] * dz)
+                length = np.sqrt(dx * dx + dy * dy + dz * dz)
+                z = centroid[i, 2]
+                if off < length * tolerance + 2.0 * (0.01 + 0.0019 * z * z):
+                    plane[j] = count
+                    stack[top] = j
+                    top += 1
+        count += 1
+    return plane, count
+
+
