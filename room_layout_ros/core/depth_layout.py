@@ -26,7 +26,6 @@ _MARGIN_M = 0.05
 _MIN_SUPPORT = 0.15
 _SLIVER = 0.06
 _ABSENT_SLACK = 0.004
-FRONT = FRONT_WALL - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,51 +96,56 @@ def search_layout(
 ) -> ScoredLayout:
     """Best cuboid for the axes R: coordinate descent over candidate offsets of each face."""
     candidates, extent = _candidate_offsets(evidence)
-    best: ScoredLayout | None = None
+    best, best_score = extent, -np.inf
     for start in (extent, np.array([c[0] for c in candidates])):
-        distances = start.copy()
-        score = -np.inf
+        distances, score = start.copy(), -np.inf
         for _ in range(sweeps):
             before = score
             for face in range(N_FACES):
-                trials = np.tile(distances, (len(candidates[face]) + 1, 1))
-                trials[1:, face] = candidates[face]
-                scores = _score_layouts(
-                    evidence.rays, evidence.points, evidence.agreement, evidence.structure, evidence.sigma, 1.0 / trials, violation_weight
-                )
+                trials = np.append(candidates[face], distances[face])
+                scores = score_face(evidence, distances, face, trials, violation_weight)
                 k = int(np.argmax(scores))
-                distances, score = trials[k], float(scores[k])
+                distances[face], score = trials[k], float(scores[k])
             if score <= before + 1e-9:
                 break
-        if best is None or score > best.score:
-            best = _drop_unsupported(evidence, R, distances, score, violation_weight)
-    assert best is not None
-    return best
+        if score > best_score:
+            best, best_score = distances, score
+    return _drop_slivers(evidence, R, best, best_score, violation_weight)
 
 
-def _drop_unsupported(
+def score_face(
+    evidence: LayoutEvidence, distances: NDArray[np.float64], face: int, trials: NDArray[np.float64], violation_weight: float
+) -> NDArray[np.float64]:
+    """Score of the cuboid for each trial distance (t,) of one face (0..4), the others held: mean over cells."""
+    e = evidence
+    return np.asarray(
+        _score_face(e.rays, e.points, e.agreement, e.structure, e.sigma, 1.0 / distances, face, trials, violation_weight)
+    )
+
+
+def _drop_slivers(
     evidence: LayoutEvidence, R: NDArray[np.float64], distances: NDArray[np.float64], score: float, violation_weight: float
 ) -> ScoredLayout:
     """Declare slivers absent that nothing supports and nothing needs: a guess at the edge of the data is no observation."""
-    support, violation, area = _balance(
-        evidence.rays, evidence.points, evidence.agreement, evidence.structure, evidence.sigma, 1.0 / distances
-    )
+    support, violation, area = _balance(evidence, distances)
     for face in np.flatnonzero((support < _MIN_SUPPORT) & (area < _SLIVER)):
-        if face == FRONT:
+        if face == FRONT_WALL - 1:
             continue
-        trial = distances.copy()
-        trial[face] = np.inf
-        without = float(
-            _score_layouts(
-                evidence.rays, evidence.points, evidence.agreement, evidence.structure, evidence.sigma, 1.0 / trial[None], violation_weight
-            )[0]
-        )
+        without = float(score_face(evidence, distances, int(face), np.array([np.inf]), violation_weight)[0])
         if without > score - _ABSENT_SLACK:
-            distances, score = trial, without
-    support, violation, _ = _balance(
-        evidence.rays, evidence.points, evidence.agreement, evidence.structure, evidence.sigma, 1.0 / distances
-    )
+            distances[face], score = np.inf, without
+    support, violation, _ = _balance(evidence, distances)
     return ScoredLayout(R, distances, score, support, violation)
+
+
+def _balance(
+    evidence: LayoutEvidence, distances: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Support and violation of each face as shares of its cells, and its share of all cells."""
+    e = evidence
+    support, violation, count = _sum_faces(e.rays, e.points, e.agreement, e.structure, e.sigma, 1.0 / distances)
+    cells = np.maximum(count, 1)
+    return support / cells, violation / cells, count / len(e.rays)
 
 
 def _candidate_offsets(evidence: LayoutEvidence) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
@@ -177,77 +181,83 @@ def _histogram_peaks(offset: NDArray[np.float64], weight: NDArray[np.float64]) -
 
 
 @njit(cache=True, nogil=True)
-def _score_layouts(rays, points, agreement, structure, sigma, inverse, violation_weight):  # type: ignore[no-untyped-def]
-    """Score of each row of inverse distances (t, 5): mean over cells of support - weight * violation."""
-    scores = np.zeros(len(inverse))
+def _score_face(rays, points, agreement, structure, sigma, inverse, face, trials, violation_weight):  # type: ignore[no-untyped-def]
+    scores = np.zeros(len(trials))
     n = len(rays)
-    for t in range(len(inverse)):
-        total = 0.0
-        for i in range(n):
-            face, on, beyond = cell_fit(rays[i], points[i], sigma[i], inverse[t])
-            if face < 0:
-                continue
-            axis = 1 if face < 2 else (2 if face == 3 else 0)
-            total += on * agreement[i, axis] * structure[i, face] - violation_weight * beyond
-        scores[t] = total / n
-    return scores
+    others = inverse.copy()
+    others[face] = 0.0
+    axis = _axis_of(face)
+    sign = -1.0 if face == 0 or face == 2 else 1.0
+    constant = 0.0
+    for i in range(n):
+        if not points[i, 2] == points[i, 2]:
+            continue
+        rival, value = face_of_ray(rays[i], others)
+        rest = 0.0
+        if rival >= 0:
+            on, beyond = plane_fit(points[i], sigma[i], rival, 1.0 / others[rival])
+            rest = on * agreement[i, _axis_of(rival)] * structure[i, rival] - violation_weight * beyond
+        along_ray = sign * rays[i, axis]
+        if along_ray <= 0.0:
+            constant += rest
+            continue
+        weight = agreement[i, axis] * structure[i, face]
+        for t in range(len(trials)):
+            if along_ray > value * trials[t]:
+                on, beyond = plane_fit(points[i], sigma[i], face, trials[t])
+                scores[t] += on * weight - violation_weight * beyond
+            else:
+                scores[t] += rest
+    return (scores + constant) / n
 
 
 @njit(cache=True, nogil=True)
-def _balance(rays, points, agreement, structure, sigma, inverse):  # type: ignore[no-untyped-def]
-    """Support and violation of each face as shares of its cells, and its share of all cells."""
+def _sum_faces(rays, points, agreement, structure, sigma, inverse):  # type: ignore[no-untyped-def]
     support = np.zeros(5)
     violation = np.zeros(5)
     count = np.zeros(5)
     for i in range(len(rays)):
-        face, on, beyond = cell_fit(rays[i], points[i], sigma[i], inverse)
+        if not points[i, 2] == points[i, 2]:
+            continue
+        face, _ = face_of_ray(rays[i], inverse)
         if face < 0:
             continue
-        axis = 1 if face < 2 else (2 if face == 3 else 0)
+        on, beyond = plane_fit(points[i], sigma[i], face, 1.0 / inverse[face])
         count[face] += 1
-        support[face] += on * agreement[i, axis] * structure[i, face]
+        support[face] += on * agreement[i, _axis_of(face)] * structure[i, face]
         violation[face] += beyond
-    for face in range(5):
-        if count[face] > 0:
-            support[face] /= count[face]
-            violation[face] /= count[face]
-    return support, violation, count / len(rays)
+    return support, violation, count
 
 
 @njit(cache=True, nogil=True, inline="always")
-def cell_fit(ray, point, sigma, inverse):  # type: ignore[no-untyped-def]
-    """(face 0..4 or -1 without depth, 0..1 on the plane, 0..1 beyond it) of one cell."""
-    if not point[2] == point[2]:
-        return -1, 0.0, 0.0
+def _axis_of(face):  # type: ignore[no-untyped-def]
+    return 1 if face < 2 else (2 if face == 3 else 0)
+
+
+@njit(cache=True, nogil=True)
+def face_of_ray(ray, inverse):  # type: ignore[no-untyped-def]
+    """(face 0..4 that a ray in room axes hits, or -1; its 1 / range)."""
     best = 0.0
     face = -1
-    value = -ray[1] * inverse[0]
-    if value > best:
-        best, face = value, 0
-    value = ray[1] * inverse[1]
-    if value > best:
-        best, face = value, 1
-    value = -ray[0] * inverse[2]
-    if value > best:
-        best, face = value, 2
-    value = ray[2] * inverse[3]
-    if value > best:
-        best, face = value, 3
-    value = ray[0] * inverse[4]
-    if value > best:
-        best, face = value, 4
-    if face < 0:
-        return -1, 0.0, 0.0
-    if face < 2:
-        along = point[1] if face == 1 else -point[1]
-    elif face == 3:
-        along = point[2]
-    else:
-        along = point[0] if face == 4 else -point[0]
-    gap = 1.0 / inverse[face] - along
-    width = 2.0 * sigma + 0.01 / inverse[face]
+    for k in range(5):
+        value = ray[_axis_of(k)] * inverse[k]
+        if k == 0 or k == 2:
+            value = -value
+        if value > best:
+            best, face = value, k
+    return face, best
+
+
+@njit(cache=True, nogil=True)
+def plane_fit(point, sigma, face, distance):  # type: ignore[no-untyped-def]
+    """(0..1 on the plane of a face, 0..1 beyond it) of a point in room axes."""
+    along = point[_axis_of(face)]
+    if face == 0 or face == 2:
+        along = -along
+    gap = distance - along
+    width = 2.0 * sigma + 0.01 * distance
+    if gap > 4.0 * width:
+        return 0.0, 0.0
     on = np.exp(-0.5 * (gap / width) ** 2)
-    beyond = 0.0
-    if gap < -width:
-        beyond = min((-gap - width) / 0.15, 1.0)
-    return face, on, beyond
+    beyond = min((-gap - width) / 0.15, 1.0) if gap < -width else 0.0
+    return on, beyond
