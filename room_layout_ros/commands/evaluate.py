@@ -9,6 +9,7 @@ permuted to the best fit; "fixed" is with the names as they are.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from pathlib import Path
 
 from room_layout_ros.commands.estimate_frame import parse_settings
 from room_layout_ros.commands.progress import progress_bar
+from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, FrameSource, Sample, open_source
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.evaluation import baselines, tables
@@ -51,6 +53,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="local processes (default 1)")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler, tcp://host:port, instead of --jobs")
+    parser.add_argument(
+        "--curve",
+        type=Path,
+        metavar="FILE",
+        help='our percentages by C: {"1000": {"layout": ..., "labelling": ..., "mean_iou": ...}}',
+    )
     parser.add_argument("--no-report", action="store_true", help="leave report.html out (it needs the extra viz)")
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="set a parameter of the estimator (repeatable)"
@@ -59,11 +67,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Score every frame with truth by every method and print the table."""
+    if arguments.out is not None and not arguments.no_report and importlib.util.find_spec("matplotlib") is None:
+        raise DataError("report.html needs matplotlib: pip install 'room_layout_ros[viz]', or give --no-report")
     source = choose_frames(open_source(arguments.input), arguments.frames)
     methods = _methods(arguments, source)
     samples = _samples(source)
     with progress_bar("evaluate", source.length) as progress:
-        work = partial(compare, methods)
+        work = partial(compare, methods, _superpixel_config(arguments))
         frames = list(map_ordered(work, samples, arguments.jobs, arguments.scheduler, progress))
     if not frames:
         raise DataError(f"{source.title} holds no frame with a true layout; layout/NAME.png is needed")
@@ -108,6 +118,11 @@ def _names(source: FramesFolder, subset: str) -> tuple[str, ...]:
     return names
 
 
+def _superpixel_config(arguments: argparse.Namespace) -> EstimatorConfig | None:
+    wanted = arguments.out is not None and not arguments.no_report and arguments.estimates is None
+    return parse_settings(arguments.set) if wanted and not arguments.rgb_only else None
+
+
 def _methods(arguments: argparse.Namespace, source: FrameSource) -> dict[str, Method]:
     methods: dict[str, Method] = {}
     if arguments.estimates is not None:
@@ -146,6 +161,22 @@ def _samples(source: FrameSource) -> Iterable[Sample]:
     return _Samples(source)
 
 
+def read_curve(path: Path) -> dict[float, dict[str, float]]:
+    """Read the errors by C that were measured while learning (Figure 4 b-d).
+
+    Raises
+    ------
+    DataError
+        When it is not an object of objects with layout, labelling and mean_iou.
+    """
+    try:
+        content = json.loads(path.read_text("utf-8"))
+        keys = ("layout", "labelling", "mean_iou")
+        return {float(c): {key: float(row[key]) for key in keys} for c, row in content.items()}
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise DataError(f"{path} is no curve; each C needs numbers for layout, labelling and mean_iou") from None
+
+
 def _write(
     arguments: argparse.Namespace, source: FrameSource, scores: list[SetScore], frames: list[ComparedFrame]
 ) -> None:
@@ -158,6 +189,7 @@ def _write(
     if not arguments.no_report:
         from room_layout_ros.evaluation.report import report_html
 
-        write_atomically(out / "report.html", report_html(scores, frames, source.title).encode())
+        curve = None if arguments.curve is None else read_curve(arguments.curve)
+        write_atomically(out / "report.html", report_html(scores, frames, source.title, curve).encode())
         written.append("report.html")
     print("\n" + "\n".join(str(out / name) for name in written))

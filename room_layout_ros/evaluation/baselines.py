@@ -74,7 +74,8 @@ class ConstantLayout:
 
 def sum_of_votes(layouts: Iterable[NDArray[np.uint8]]) -> NDArray[np.int16]:
     """Return (5, H, W) int16: how many layouts have face k + 1 at a pixel."""
-    return np.sum([np.stack([layout == face for face in FACES]) for layout in layouts], axis=0, dtype=np.int16)
+    votes = [np.stack([layout == face for face in FACES]) for layout in layouts]
+    return np.asarray(np.sum(votes, axis=0, dtype=np.int16))
 
 
 def _extents(frame: RgbdFrame, R_room_camera: NDArray[np.float64], percentile: float) -> NDArray[np.float64]:

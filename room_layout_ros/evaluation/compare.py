@@ -11,12 +11,17 @@ import cv2
 import numpy as np
 
 from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.estimate import RoomEstimate
+from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.datasets import Sample
 from room_layout_ros.datasets.images import encode_image
 
 from . import pictures
 from .prediction import Prediction
 from .scores import FrameScore, Method, score_frame
+from .superpixel_table import Row, segmentation_of
+
+_WARM: set[EstimatorMethod] = set()
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,23 +34,27 @@ class EstimatorMethod:
     def __call__(self, sample: Sample) -> Prediction:
         """Estimate the frame by itself, without memory of others."""
         frame = sample.frame.without_depth() if self.rgb_only else sample.frame
-        estimator = _estimator(self.config)
+        estimate_frame = _estimator(self.config)
+        if self not in _WARM:  # the first call of a process compiles or loads the kernels: no time of a frame
+            estimate_frame(frame)
+            _WARM.add(self)
         start = perf_counter()
-        estimate = estimator(frame)
+        estimate = estimate_frame(frame)
         return Prediction.of_estimate(estimate, 1e3 * (perf_counter() - start))
 
 
 @dataclass(frozen=True, slots=True)
 class ComparedFrame:
-    """Scores by method title, and a JPEG: truth and first method side by side."""
+    """Scores by method title, a JPEG (truth and first method side by side), measures of superpixels (Table 3)."""
 
     name: str
     scores: Mapping[str, FrameScore]
     picture: bytes
+    superpixels: Mapping[str, Row]
 
 
-def compare(methods: Mapping[str, Method], sample: Sample) -> ComparedFrame:
-    """Apply every method to a sample; the picture shows the first one."""
+def compare(methods: Mapping[str, Method], superpixels: EstimatorConfig | None, sample: Sample) -> ComparedFrame:
+    """Apply every method to a sample; the picture shows the first one; `superpixels` are measured with a config."""
     scores: dict[str, FrameScore] = {}
     first: Prediction | None = None
     for title, method in methods.items():
@@ -56,7 +65,9 @@ def compare(methods: Mapping[str, Method], sample: Sample) -> ComparedFrame:
         first = first or prediction
         scores[title] = score_frame(sample, prediction)
     assert first is not None
-    return ComparedFrame(sample.name, scores, _picture(sample, first, next(iter(scores.values()))))
+    picture = _picture(sample, first, next(iter(scores.values())))
+    rows = segmentation_of(sample, superpixels) if superpixels else {}
+    return ComparedFrame(sample.name, scores, picture, rows)
 
 
 def _picture(sample: Sample, prediction: Prediction, score: FrameScore) -> bytes:
@@ -77,11 +88,11 @@ def _picture(sample: Sample, prediction: Prediction, score: FrameScore) -> bytes
     if truth.furniture is not None and prediction.furniture is not None:
         row.append(("true furniture", pictures.paint_classes(image, truth.furniture)))
         row.append(("our furniture", pictures.paint_classes(image, prediction.furniture)))
-    return encode_image(".jpg", pictures.tiles(row, len(row), (240, 180)))
+    return encode_image(".jpg", pictures.tiles(row, len(row), (240, 180)), jpeg_quality=85)
 
 
 @lru_cache(maxsize=2)
-def _estimator(config: EstimatorConfig) -> Callable[..., object]:
+def _estimator(config: EstimatorConfig) -> Callable[[RgbdFrame], RoomEstimate]:
     from room_layout_ros.core.estimator import LayoutEstimator
 
     cv2.setNumThreads(1)

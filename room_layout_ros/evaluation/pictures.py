@@ -29,7 +29,7 @@ def base_image(frame: RgbdFrame) -> Image:
 
 def paint_labels(image: Image, labels: Image, opacity: float = 0.55) -> Image:
     """Return the picture with each labelled pixel tinted in its label's colour; unknown (0) is darkened."""
-    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)[..., None]
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)[..., None].astype(np.float32)
     tinted = opacity * LABEL_COLORS[labels] + (1 - opacity) * grey
     return np.where(labels[..., None] > 0, tinted, 0.35 * grey).astype(np.uint8)
 
@@ -62,7 +62,7 @@ def paint_share(share: NDArray[np.floating]) -> Image:
     finite = np.isfinite(share)
     level = (np.clip(np.where(finite, share, 0), 0, 1) * 255).astype(np.uint8)
     colors = cv2.applyColorMap(level, cv2.COLORMAP_VIRIDIS)[..., ::-1]
-    return np.where(finite[..., None], colors, 0).astype(np.uint8)
+    return np.asarray(np.where(finite[..., None], colors, 0), np.uint8)
 
 
 def draw_outlines(image: Image, layout: Image, color: tuple[int, int, int], width: int = 3) -> Image:

@@ -32,26 +32,26 @@ def text_table(scores: Sequence[SetScore]) -> str:
         spans = score.intervals(np.random.default_rng(BOOTSTRAP_SEED))
         lines.append(
             f"{score.title:<36}"
-            f"{_with_span(_mean(score.layout_errors), spans['layout']):>18}"
-            f"{_percent(_mean(score.layout_errors_fixed)):>7}"
-            f"{_with_span(_mean(score.labelling_errors), spans['labelling']):>19}"
-            f"{_with_span(score.mean_iou, spans['iou']):>19}"
-            f"{_percent(_mean(score.corner_errors)):>9}"
+            f"{with_span(_mean(score.layout_errors), spans['layout']):>18}"
+            f"{percent(_mean(score.layout_errors_fixed)):>7}"
+            f"{with_span(_mean(score.labelling_errors), spans['labelling']):>19}"
+            f"{with_span(score.mean_iou, spans['iou']):>19}"
+            f"{percent(_mean(score.corner_errors)):>9}"
             f"{np.nanmedian([f.milliseconds for f in score.frames]):>7.1f}"
             f"{score.without_estimate:>6}"
         )
     lines.append("published, on other images of the same data set:")
-    for row in TABLE_2:
-        lines.append(
-            f"{row.title:<36}{_number(row.layout):>18}{'':>7}{_number(row.labelling):>19}{_number(row.mean_iou):>19}"
-        )
+    lines += [
+        f"{row.title:<36}{number(row.layout):>18}{'':>7}{number(row.labelling):>19}{number(row.mean_iou):>19}"
+        for row in TABLE_2
+    ]
     return "\n".join([*lines, "", iou_table(scores)])
 
 
 def iou_table(scores: Sequence[SetScore]) -> str:
     """Return IoU per class, as PASCAL (paper Table 4)."""
     lines = [f"{'IoU %':<36}" + "".join(f"{name:>12}" for name in LABELS)]
-    lines += [f"{s.title:<36}" + "".join(f"{_percent(v):>12}" for v in s.iou) for s in scores]
+    lines += [f"{s.title:<36}" + "".join(f"{percent(v):>12}" for v in s.iou) for s in scores]
     lines += [f"{r.title:<36}" + "".join(f"{v:>12.2f}" for v in r.iou) for r in TABLE_2 if r.iou]
     return "\n".join(lines)
 
@@ -105,15 +105,18 @@ def _mean(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
     return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
 
 
-def _percent(share: float) -> str:
-    return _number(100 * share)
+def percent(share: float) -> str:
+    """Return a share as percent with two digits, "-" for NaN."""
+    return number(100 * share)
 
 
-def _number(value: float) -> str:
+def number(value: float) -> str:
+    """Return a number with two digits, "-" for NaN."""
     return f"{value:.2f}" if np.isfinite(value) else "-"
 
 
-def _with_span(share: float, span: tuple[float, float]) -> str:
+def with_span(share: float, span: tuple[float, float]) -> str:
+    """Return percent with the interval."""
     if not np.isfinite(share):
         return "-"
     return f"{100 * share:.2f} ({100 * span[0]:.1f}-{100 * span[1]:.1f})"
