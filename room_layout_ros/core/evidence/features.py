@@ -1,0 +1,370 @@
+"""Features of superpixels for the learned evidence: what they look like, where they are, what is around them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..frame import CameraIntrinsics
+from ..lines import LineSegments
+from ..superpixels import Superpixels
+from . import pixel_statistics as ps
+from .plane_segments import PlaneSegments, compute_plane_segments
+from .room_extents import BEYOND_STEP_M, RoomExtents, azimuth_bin, compute_room_extents
+
+Columns = dict[str, NDArray[np.floating]]
+
+_BEHIND_MARGIN_M = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class SuperpixelFeatures:
+    """Table of features, one row per superpixel.
+
+    Attributes
+    ----------
+    values : (K, F) float32
+        NaN where a feature is not known (no colour, no depth, no plane).
+    names : tuple of F strings.
+    """
+
+    values: NDArray[np.float32]
+    names: tuple[str, ...]
+
+
+def compute_superpixel_features(
+    superpixels: Superpixels,
+    color: NDArray[np.uint8] | None,
+    inverse_depth: NDArray[np.float32] | None,
+    R_room_camera: NDArray[np.float64],
+    camera: CameraIntrinsics,
+    segments: LineSegments | None = None,
+    line_class: NDArray[np.int8] | None = None,
+    orientation: NDArray[np.uint8] | None = None,
+) -> SuperpixelFeatures:
+    """Compute all features that the inputs allow.
+
+    Parameters
+    ----------
+    superpixels : Superpixels
+    color : (H, W, 3) uint8 or None
+    inverse_depth : (H, W) float32 or None
+        1/m, 0 where not measured. Without it all depth columns are absent.
+    R_room_camera : (3, 3) float64
+    camera : CameraIntrinsics
+    segments, line_class : LineSegments, (n,) int8, optional
+    orientation : (H, W) uint8, optional
+        `compute_orientation_map`.
+
+    Returns
+    -------
+    SuperpixelFeatures
+        The columns depend only on whether there is depth, in a fixed order.
+    """
+    sums, bounds = ps.sum_pixels(
+        superpixels.index, superpixels.count, color, inverse_depth, orientation, R_room_camera, camera
+    )
+    columns = _position(superpixels, sums, bounds, R_room_camera, camera)
+    columns |= _appearance(superpixels, sums)
+    columns |= _lines(superpixels, sums, segments, line_class)
+    if inverse_depth is not None:
+        extents = compute_room_extents(inverse_depth, R_room_camera, camera)
+        columns |= _depth(superpixels, sums, bounds, extents, R_room_camera, camera)
+    _add_surroundings(columns, superpixels)
+    return SuperpixelFeatures(np.stack(list(columns.values()), axis=1).astype(np.float32), tuple(columns))
+
+
+def _position(
+    superpixels: Superpixels,
+    sums: NDArray[np.float64],
+    bounds: NDArray[np.float32],
+    R: NDArray[np.float64],
+    camera: CameraIntrinsics,
+) -> Columns:
+    n = np.maximum(sums[:, ps.COUNT], 1.0)
+    x, y = sums[:, ps.PX] / n, sums[:, ps.PY] / n
+    vx, vy = sums[:, ps.PXX] / n - x * x, sums[:, ps.PYY] / n - y * y
+    vxy = sums[:, ps.PXY] / n - x * y
+    root = np.sqrt(np.maximum((vx - vy) ** 2 / 4 + vxy**2, 0.0))
+    major, minor = (vx + vy) / 2 + root, np.maximum((vx + vy) / 2 - root, 1e-3)
+    ray = np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones_like(x)], 1) @ R.T
+    flat = np.hypot(ray[:, 0], ray[:, 2])
+    size = np.float64(camera.width)
+    return {
+        "x": x / camera.width,
+        "y": y / camera.height,
+        "border_x": np.minimum(bounds[:, 0], camera.width - 1 - bounds[:, 1]) / size,
+        "border_top": bounds[:, 2] / size,
+        "border_bottom": (camera.height - 1 - bounds[:, 3]) / size,
+        "box_width": (bounds[:, 1] - bounds[:, 0]) / size,
+        "box_height": (bounds[:, 3] - bounds[:, 2]) / size,
+        "area": superpixels.pixels / float(camera.width * camera.height),
+        "elongation": np.sqrt(major / minor),
+        "upright": (vy - vx) / np.maximum(major + minor, 1e-6),
+        "elevation": np.arctan2(ray[:, 1], flat),
+        "azimuth": np.arctan2(ray[:, 0], ray[:, 2]),
+        "tilt": np.full(len(x), np.arcsin(np.clip(R[1, 2], -1.0, 1.0))),
+    }
+
+
+def _appearance(superpixels: Superpixels, sums: NDArray[np.float64]) -> Columns:
+    n = np.where(sums[:, ps.COLORED] > 4, sums[:, ps.COLORED], np.nan)
+    mean = sums[:, [ps.L, ps.A, ps.B]] / n[:, None]
+    deviation = np.sqrt(np.maximum(sums[:, [ps.LL, ps.AA, ps.BB]] / n[:, None] - mean**2, 0.0))
+    gx, gy = sums[:, ps.GRADIENT_X] / n, sums[:, ps.GRADIENT_Y] / n
+    fine = sums[:, ps.FINE] / n
+    some = np.isfinite(mean[:, 0])
+    average = mean[some].mean(axis=0) if some.any() else np.full(3, np.nan)
+    return {
+        "L": mean[:, 0],
+        "a": mean[:, 1],
+        "b": mean[:, 2],
+        "chroma": np.hypot(mean[:, 1] - 128.0, mean[:, 2] - 128.0),
+        "L_relative": mean[:, 0] - average[0],
+        "L_deviation": deviation[:, 0],
+        "ab_deviation": np.hypot(deviation[:, 1], deviation[:, 2]),
+        "gradient": gx + gy,
+        "gradient_ratio": (gx - gy) / (gx + gy + 1.0),
+        "fine": fine,
+        "frame_gradient": np.full(len(n), (gx + gy)[some].mean() if some.any() else np.nan),
+        **_contrast(superpixels, mean),
+    }
+
+
+def _contrast(superpixels: Superpixels, mean: NDArray[np.float64]) -> Columns:
+    """Difference in colour to the neighbours: its mean by border length, and to the most similar one."""
+    i, j = superpixels.edges[:, 0], superpixels.edges[:, 1]
+    difference = np.sqrt(((mean[i] - mean[j]) ** 2).sum(axis=1))
+    known = np.isfinite(difference)
+    i, j, difference, length = i[known], j[known], difference[known], superpixels.edge_length[known]
+    count = superpixels.count
+    total = np.bincount(i, length, count) + np.bincount(j, length, count)
+    weighted = np.bincount(i, length * difference, count) + np.bincount(j, length * difference, count)
+    least = np.full(count, np.inf)
+    np.minimum.at(least, i, difference)
+    np.minimum.at(least, j, difference)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return {"contrast": weighted / total, "contrast_least": np.where(np.isfinite(least), least, np.nan)}
+
+
+def _lines(
+    superpixels: Superpixels,
+    sums: NDArray[np.float64],
+    segments: LineSegments | None,
+    line_class: NDArray[np.int8] | None,
+) -> Columns:
+    nan = np.full(superpixels.count, np.nan)
+    columns: Columns = {f"om_{k}": nan for k in range(1, 6)}
+    columns |= {f"lines_{name}": nan for name in ("x", "y", "z", "none")}
+    if segments is None or line_class is None:
+        return columns
+    n = np.maximum(sums[:, ps.COUNT], 1.0)
+    lengths = ps.count_lines(superpixels.index, superpixels.count, segments, line_class)
+    density = lengths / np.sqrt(np.maximum(superpixels.pixels, 1))[:, None]
+    columns |= {f"om_{k}": sums[:, ps.ORIENTATION + k] / n for k in range(1, 6)}
+    columns |= {f"lines_{name}": density[:, k] for k, name in enumerate(("x", "y", "z", "none"))}
+    return columns
+
+
+def _depth(
+    superpixels: Superpixels,
+    sums: NDArray[np.float64],
+    bounds: NDArray[np.float32],
+    extents: RoomExtents,
+    R: NDArray[np.float64],
+    camera: CameraIntrinsics,
+) -> Columns:
+    n = np.where(sums[:, ps.MEASURED] > 4, sums[:, ps.MEASURED], np.nan)
+    point = sums[:, [ps.X, ps.Y, ps.Z]] / n[:, None]
+    spread = np.sqrt(np.maximum(sums[:, [ps.XX, ps.YY, ps.ZZ]] / n[:, None] - point**2, 0.0))
+    z = sums[:, ps.DEPTH] / n
+    normal, distance = _room_planes(superpixels, R, camera)
+    noise = 0.01 + 0.0019 * z * z
+    room_low = np.where(np.isnan(n)[:, None], np.nan, bounds[:, 4::2].astype(np.float64))
+    room_high = np.where(np.isnan(n)[:, None], np.nan, bounds[:, 5::2].astype(np.float64))
+    columns: Columns = {
+        "depth": z,
+        "measured": superpixels.measured,
+        "cos_x": np.abs(normal[:, 0]),
+        "cos_y": np.abs(normal[:, 1]),
+        "cos_z": np.abs(normal[:, 2]),
+        "normal_x": normal[:, 0],
+        "normal_y": normal[:, 1],
+        "normal_z": normal[:, 2],
+        "plane_residual": superpixels.plane_rms * z * z / noise,
+        "depth_deviation": np.sqrt(np.maximum(sums[:, ps.DEPTH2] / n - z * z, 0.0)),
+        "spread_x": spread[:, 0],
+        "spread_y": spread[:, 1],
+        "spread_z": spread[:, 2],
+        "size_m2": superpixels.pixels * z * z / (camera.fx * camera.fy),
+        "facing": normal[:, 0] * point[:, 0] + normal[:, 1] * point[:, 1] + normal[:, 2] * point[:, 2],
+    }
+    columns["facing"] = columns["facing"] / np.linalg.norm(point, axis=1)
+    columns |= _reach(point, normal, extents)
+    segments = compute_plane_segments(superpixels, normal, distance, point)
+    for k, name in enumerate(("farther", "nearer", "coplanar", "concave", "convex")):
+        columns[f"border_{name}"] = segments.border[:, k]
+    columns |= _plane_columns(superpixels, segments, point, normal, room_low, room_high, bounds, extents, camera)
+    return columns
+
+
+def _room_planes(
+    superpixels: Superpixels, R: NDArray[np.float64], camera: CameraIntrinsics
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Unit normals away from the camera in room axes and distances; NaN without plane."""
+    a, b, c = superpixels.plane.T
+    m = np.stack([a * camera.fx, b * camera.fy, c + a * camera.cx + b * camera.cy], axis=1)  # n / d
+    length = np.linalg.norm(m, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return (m / length[:, None]) @ R.T, 1.0 / length
+
+
+def _reach(point: NDArray[np.float64], normal: NDArray[np.float64], extents: RoomExtents) -> Columns:
+    """Where the superpixel stands between the scene's ends, and how much lies behind it."""
+    low, high = extents.low, extents.high
+    span = np.maximum(high - low, 0.3)
+    horizontal = np.hypot(point[:, 0], point[:, 2])
+    measured = np.isfinite(horizontal)
+    k = azimuth_bin(np.where(measured, point[:, 0], 0.0), np.where(measured, point[:, 2], 1.0))
+    farthest = extents.farthest
+    around = np.maximum(np.maximum(farthest, np.roll(farthest, 1)), np.roll(farthest, -1))
+    columns: Columns = {
+        "to_ceiling": point[:, 1] - low[1],
+        "to_floor": high[1] - point[:, 1],
+        "to_left": point[:, 0] - low[0],
+        "to_right": high[0] - point[:, 0],
+        "to_front": high[2] - point[:, 2],
+        "to_back": point[:, 2] - low[2],
+        "share_x": (point[:, 0] - low[0]) / span[0],
+        "share_y": (point[:, 1] - low[1]) / span[1],
+        "share_z": (point[:, 2] - low[2]) / span[2],
+        "span_x": np.full(len(point), span[0]),
+        "span_y": np.full(len(point), span[1]),
+        "span_z": np.full(len(point), span[2]),
+        "camera_height": np.full(len(point), high[1]),
+        "to_farthest": around[k] - horizontal,
+        "range_share": horizontal / np.maximum(around[k], 0.1),
+        "X": point[:, 0],
+        "Y": point[:, 1],
+        "Z": point[:, 2],
+    }
+    for axis, name in enumerate("xyz"):
+        columns[f"behind_{name}"] = _behind(point[:, axis], axis, extents)
+    aligned = np.argmax(np.nan_to_num(np.abs(normal)), axis=1)
+    behind = np.stack([columns["behind_x"], columns["behind_y"], columns["behind_z"]], axis=1)
+    ends = np.stack(
+        [
+            np.where(point[:, 0] < 0, columns["to_left"], columns["to_right"]),
+            np.where(point[:, 1] < 0, columns["to_ceiling"], columns["to_floor"]),
+            columns["to_front"],
+        ],
+        axis=1,
+    )
+    rows = np.arange(len(point))
+    planar = np.isfinite(normal[:, 0])
+    columns["behind_plane"] = np.where(planar, behind[rows, aligned], np.nan)
+    columns["plane_to_end"] = np.where(planar, ends[rows, aligned], np.nan)
+    columns["axis"] = np.where(planar, aligned, np.nan)
+    return columns
+
+
+def _behind(value: NDArray[np.float64], axis: int, extents: RoomExtents) -> NDArray[np.float64]:
+    """Share of the scene's cells that lie farther out along the axis than the value and a margin."""
+    side = (value > 0).astype(int)
+    k = np.minimum((np.abs(np.nan_to_num(value)) + _BEHIND_MARGIN_M) / BEYOND_STEP_M, 63).astype(int)
+    return np.where(np.isfinite(value), extents.beyond[axis, side, k], np.nan)
+
+
+def _plane_columns(
+    superpixels: Superpixels,
+    segments: PlaneSegments,
+    point: NDArray[np.float64],
+    normal: NDArray[np.float64],
+    room_low: NDArray[np.float64],
+    room_high: NDArray[np.float64],
+    bounds: NDArray[np.float32],
+    extents: RoomExtents,
+    camera: CameraIntrinsics,
+) -> Columns:
+    """Features of the plane segment each superpixel belongs to."""
+    segment, count = segments.segment, segments.count
+    area = superpixels.pixels.astype(np.float64)
+    total = np.bincount(segment, area, count)
+
+    def mean(value: NDArray[np.floating]) -> NDArray[np.float64]:
+        known = np.isfinite(value)
+        weight = np.bincount(segment[known], area[known], count)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.bincount(segment[known], area[known] * value[known], count) / weight)[segment]
+
+    def extreme(value: NDArray[np.floating], low: bool) -> NDArray[np.float64]:
+        out = np.full(count, np.inf if low else -np.inf)
+        (np.fmin if low else np.fmax).at(out, segment, value)
+        return np.where(np.isfinite(out), out, np.nan)[segment]
+
+    top, bottom = extreme(room_low[:, 1], True), extreme(room_high[:, 1], False)
+    wide_x = extreme(room_high[:, 0], False) - extreme(room_low[:, 0], True)
+    wide_z = extreme(room_high[:, 2], False) - extreme(room_low[:, 2], True)
+    size = superpixels.pixels * point[:, 2] ** 2 / (camera.fx * camera.fy)
+    return {
+        "segment_area": (total / area.sum())[segment],
+        "segment_members": np.bincount(segment, minlength=count)[segment].astype(float),
+        "segment_m2": np.bincount(segment, np.nan_to_num(size), count)[segment],
+        "segment_top": top - extents.low[1],
+        "segment_bottom": extents.high[1] - bottom,
+        "segment_height": bottom - top,
+        "segment_wide": np.hypot(wide_x, wide_z),
+        "segment_wide_x": wide_x,
+        "segment_wide_z": wide_z,
+        "segment_box_top": extreme(bounds[:, 2], True) / camera.height,
+        "segment_box_bottom": extreme(bounds[:, 3], False) / camera.height,
+        "segment_normal_x": np.abs(mean(normal[:, 0])),
+        "segment_normal_y": np.abs(mean(normal[:, 1])),
+        "segment_normal_z": np.abs(mean(normal[:, 2])),
+        "segment_farther": mean(segments.border[:, 0]),
+        "segment_nearer": mean(segments.border[:, 1]),
+        "segment_concave": mean(segments.border[:, 3]),
+        "segment_convex": mean(segments.border[:, 4]),
+    }
+
+
+_SURROUNDINGS = (
+    "L",
+    "chroma",
+    "gradient",
+    "L_deviation",
+    "om_2",
+    "om_4",
+    "normal_y",
+    "cos_x",
+    "cos_z",
+    "depth",
+    "Y",
+    "to_farthest",
+    "plane_residual",
+    "behind_plane",
+    "border_farther",
+    "border_convex",
+    "segment_area",
+)
+
+
+def _add_surroundings(columns: Columns, superpixels: Superpixels) -> None:
+    """Append the border-weighted means of some columns over the neighbours."""
+    names = [name for name in _SURROUNDINGS if name in columns]
+    values = np.stack([columns[name] for name in names], axis=1)
+    known = np.isfinite(values)
+    filled = np.where(known, values, 0.0)
+    total = np.zeros_like(values)
+    weight = np.zeros_like(values)
+    i, j = superpixels.edges[:, 0], superpixels.edges[:, 1]
+    length = superpixels.edge_length[:, None].astype(np.float64)
+    for here, there in ((i, j), (j, i)):
+        np.add.at(total, here, length * filled[there])
+        np.add.at(weight, here, length * known[there])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = total / weight
+    for k, name in enumerate(names):
+        columns[f"around_{name}"] = mean[:, k]
