@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -93,7 +94,7 @@ def depth_to_millimetres(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:
 
 def encode_image(suffix: str, image: NDArray[np.uint8] | NDArray[np.uint16], jpeg_quality: int = 92) -> bytes:
     """Return RGB or one-channel pixels as the bytes of a ".png" or ".jpg" file."""
-    pixels = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else np.ascontiguousarray(image)
+    pixels: NDArray[Any] = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else np.ascontiguousarray(image)
     options = [cv2.IMWRITE_PNG_COMPRESSION, 1] if suffix == ".png" else [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality]
     done, content = cv2.imencode(suffix, pixels, options)
     if not done:

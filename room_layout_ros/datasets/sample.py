@@ -27,7 +27,7 @@ class FloorMap:
     ----------
     cells : (rows, columns) uint8, 0 free, 1 occupied (something stands there, or outside the room).
         Row i spans forward = origin_forward_m + [i, i+1) * cell_m; column j spans right likewise.
-    height_m : (rows, columns) float32 top of the lowest connected obstacle above the floor; 0 where free,
+    height_m : (rows, columns) float32 top of the highest obstacle above the floor; 0 where free,
         inf outside the room.
     cell_m : side of a cell.
     origin_forward_m, origin_right_m : lower corner of cell (0, 0).
