@@ -61,10 +61,10 @@ bench: $(STAMP)
 	$(BIN)/python -m benchmarks
 
 fuzz: $(STAMP)
-	$(BIN)/python -m pytest -m fuzz --override-ini addopts= $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m fuzz $(PYTEST_ARGS)
 
 soak: $(STAMP)
-	$(BIN)/python -m pytest -m soak --override-ini addopts= $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m soak $(PYTEST_ARGS)
 
 # The versions of Ubuntu 24.04, once: the core, its inputs and outputs without ROS
 oldest: .venv-oldest/.installed

@@ -52,12 +52,16 @@ def _one_opencv_thread() -> Iterator[None]:
     cv2.setNumThreads(before)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark users of `data_root` as data; skip dds where no rclpy is installed."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark users of `data_root` as data; skip dds where no rclpy is; leave fuzz and soak to those who ask for them."""
     no_ros = pytest.mark.skip(reason="rclpy is not installed (pip: extra ros, x86-64 Linux; else apt)")
     has_ros = importlib.util.find_spec("rclpy") is not None
+    unasked = {mark for mark in ("fuzz", "soak") if mark not in config.option.markexpr}
     for item in items:
         if "data_root" in getattr(item, "fixturenames", ()):
             item.add_marker(pytest.mark.data)
         if not has_ros and item.get_closest_marker("dds"):
             item.add_marker(no_ros)
+    left_out = [item for item in items if any(item.get_closest_marker(mark) for mark in unasked)]
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = [item for item in items if item not in left_out]
