@@ -21,6 +21,7 @@ class FitCosts:
     wrong_class : structural pixel on a face of another kind (wall on the floor...).
     clutter_beyond : clutter behind the room's faces. clutter_apart : clutter far in front of a wall (weak pull).
     fitted_apart : fitted furniture half a metre or more in front of a wall.
+    open : clutter where no face is hit (a room has no hole).
     unlabelled : factor for unlabelled pixels, which count as clutter.
     opening_beyond : points seen through a window, door or mirror.
     face : for each face in use, as a share of all pixels: a face must pay for itself.
@@ -32,6 +33,7 @@ class FitCosts:
     clutter_beyond: float = 0.8
     clutter_apart: float = 0.12
     fitted_apart: float = 0.35
+    open: float = 0.8
     unlabelled: float = 0.3
     opening_beyond: float = 0.3
     face: float = 0.004
@@ -55,7 +57,7 @@ def fit_cost(
     inverse_normals = FACE_SIGN[:, None] * R[FACE_AXIS] / distances[:, None]
     mean = _mean_cost(
         seen.rays, seen.inverse_depth, seen.kind, inverse_normals, distances, stride,
-        costs.wrong_class, costs.clutter_beyond, costs.clutter_apart, costs.fitted_apart, costs.unlabelled, costs.opening_beyond,
+        costs.wrong_class, costs.clutter_beyond, costs.clutter_apart, costs.fitted_apart, costs.open, costs.unlabelled, costs.opening_beyond,
         costs.tolerance_m, costs.tolerance_per_m,
     )  # fmt: skip
     prior = 0.0
@@ -67,7 +69,7 @@ def fit_cost(
 @njit(cache=True, nogil=True)
 def _mean_cost(
     rays, inverse_depth, kind, m, distances, stride,
-    wrong_class, clutter_beyond, clutter_apart, fitted_apart, unlabelled, opening_beyond, tolerance, per_metre,
+    wrong_class, clutter_beyond, clutter_apart, fitted_apart, open_cost, unlabelled, opening_beyond, tolerance, per_metre,
 ):  # type: ignore[no-untyped-def]  # fmt: skip
     total, used = 0.0, 0
     for i in range(0, rays.shape[0], stride):
@@ -88,7 +90,9 @@ def _mean_cost(
             else:
                 apart = -offset
         off = beyond * beyond
-        if what == 0 or what == 5:
+        if face < 0 and (what == 0 or what >= 5):
+            cost = open_cost
+        elif what == 0 or what == 5:
             cost = clutter_beyond * off + clutter_apart * min(apart, 1.0)
             if what == 0:
                 cost *= unlabelled
