@@ -93,6 +93,20 @@ class EstimatorConfig:
     line_min_length_px: float = _p(16.0, "shorter segments (in pixels of the full image) are dropped", "px", 2.0, 500.0)
     vp_max_tilt_deg: float = _p(50.0, "largest pitch searched when axes come from lines alone", "deg", 1.0, 60.0)
     vp_max_roll_deg: float = _p(20.0, "largest roll searched when axes come from lines alone", "deg", 0.0, 45.0)
+    # joint model (paper 3.2, 3.3)
+    layout_rays: int = _p(50, "states per ray of the layout, on average", "", 2, 400)
+    layout_angle_bins: int = _p(320, "bins of the corner angle in all four quadrants", "", 8, 4096)
+    layout_pixel_step: int = _p(5, "one in so many pixels is counted in the faces; 1 is exact", "", 1, 16)
+    layout_scales: int = _p(12, "candidate distances of the front wall", "", 4, 64)
+    layout_temperature: float = _p(0.01, "energy (share of the image) that halves belief in a ray by 1/e", "", 1e-6, 10.0)
+    joint_alternations: int = _p(5, "rounds of labels and layout at most (Alg. 1: M)", "", 1, 50)
+    joint_starts: int = _p(2, "diverse layouts that the alternation starts from", "", 1, 20)
+    joint_variant: str = _p(
+        "full",
+        "blocks of the model that are used",
+        choices=("full", "paper", "rgb", "om_only", "gc_only", "no_compatibility", "no_planes", "no_pairs"),
+    )
+    labelling_sweeps: int = _p(10, "sweeps of message passing at most", "", 1, 1000)
 
     def __post_init__(self) -> None:
         for parameter in parameters(type(self)):

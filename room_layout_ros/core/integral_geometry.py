@@ -15,6 +15,7 @@ feature is constant: superpixel x orientation) that share a cell are counted onc
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -65,7 +66,7 @@ def count_cells(grid: RayGrid, atoms: NDArray[np.int32], atom_count: int, pixel_
         Atom of each pixel, 0 to `atom_count` - 1; a negative one leaves the pixel out.
     atom_count : int
     pixel_step : int
-        1 takes every pixel; n takes one in n on the lattice x + 2y = 0 (mod n), which has no gap along rows and columns.
+        1 takes every pixel; n takes one in n on a sheared lattice, so that every row and column has its share.
         Counts are of the pixels taken.
 
     Raises
@@ -81,10 +82,20 @@ def count_cells(grid: RayGrid, atoms: NDArray[np.int32], atom_count: int, pixel_
     if int(atoms.max()) >= atom_count:
         raise ValueError(f"an atom has number {int(atoms.max())}; below {atom_count} was announced")
     quadrants, behind, boxes, sectors = _count(
-        np.ascontiguousarray(atoms), atom_count, pixel_step, grid.ray_matrix,
+        np.ascontiguousarray(atoms), atom_count, pixel_step, lattice_shear(pixel_step), grid.ray_matrix,
         grid.states, grid.state_counts, grid.slopes, grid.bin_counts, *_offsets(grid),
     )  # fmt: skip
     return CellCounts(grid, quadrants.sum(axis=1), quadrants, behind, boxes, sectors)
+
+
+@lru_cache(maxsize=64)
+def lattice_shear(step: int) -> int:
+    """Return c such that the pixels with (x + c y) mod step = 0 lie farthest from each other."""
+
+    def nearest(c: int) -> int:
+        return min(((-c * dy + k * step) ** 2 + dy * dy) for dy in range(step) for k in range(-step, step + 1) if dy or k)
+
+    return max(range(step), key=nearest)
 
 
 def pair_tables(counts: CellCounts, face_cost: NDArray[np.float64]) -> PairTables:
@@ -239,7 +250,7 @@ def _add(entries, n, last, cell, atom, run):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _count(atoms, atom_count, step, m, states, counts, slopes, bins, box_offset, sector_offset):  # type: ignore[no-untyped-def]
+def _count(atoms, atom_count, step, shear, m, states, counts, slopes, bins, box_offset, sector_offset):  # type: ignore[no-untyped-def]
     height, width = atoms.shape
     quadrant_pixels = np.zeros((atom_count, 4))
     behind_pixels = np.zeros((atom_count, 4))
@@ -253,7 +264,7 @@ def _count(atoms, atom_count, step, m, states, counts, slopes, bins, box_offset,
     angle_bin = np.zeros(4, np.int64)
     for y in range(height):
         bx, by, bz = m[0, 1] * y + m[0, 2], m[1, 1] * y + m[1, 2], m[2, 1] * y + m[2, 2]
-        x = (-2 * y) % step
+        x = (-shear * y) % step
         cuts = (_sign_change(m[0, 0], bx, width), _sign_change(m[1, 0], by, width))
         for stop in (min(cuts), max(cuts), width):
             if x >= stop:

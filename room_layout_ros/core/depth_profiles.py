@@ -1,0 +1,128 @@
+"""What depth says about the offset of each plane: support and violation profiles (docs/method.md, section 5).
+
+A cell of the depth image *supports* the plane that it lies on with an agreeing normal, and *violates* every plane that it lies
+beyond. Both depend on one plane's offset alone, so in the joint energy they are unary terms, given the metric scale c (the
+distance of the front wall): the planes of a layout are at a c.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from .labels import FRONT_WALL, N_FACES
+from .layout import FACE_AXIS, FACE_SIGN
+
+NEAREST_M = 0.2
+FARTHEST_M = 15.0
+N_OFFSETS = 256
+_STEP = float(np.log(FARTHEST_M / NEAREST_M) / (N_OFFSETS - 1))
+_TOLERANCE_M = 0.03
+"""Unevenness of real walls, on top of the sensor's noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class DepthProfiles:
+    """Support and violation per plane and offset, as shares of the image.
+
+    Attributes
+    ----------
+    offsets : (n,) float64 distances in m, log-spaced.
+    support, violation : (5, n) float64, faces in the order of `labels.FACES`.
+    scales : (C,) float64 candidate distances of the front wall in m.
+    """
+
+    offsets: NDArray[np.float64]
+    support: NDArray[np.float64]
+    violation: NDArray[np.float64]
+    scales: NDArray[np.float64]
+
+    def at(self, face: int, distances: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return support and violation of a face (0..4) at distances in m; both 0 at +inf (the face is absent)."""
+        return _interpolate(self.support[face], distances), _interpolate(self.violation[face], distances)
+
+
+def compute_depth_profiles(
+    points: NDArray[np.float64],
+    agreement: NDArray[np.float64],
+    structure: NDArray[np.float64],
+    sigma: NDArray[np.float64],
+    scale_count: int = 12,
+) -> DepthProfiles:
+    """Histogram the cells of a depth image along the room's axes.
+
+    Parameters
+    ----------
+    points : (n, 3) float64
+        Mean point of each cell in room axes in m; NaN where nothing was measured. Cells have equal areas.
+    agreement : (n, 3) float64
+        0..1, how well the cell's normal agrees with each axis.
+    structure : (n, 5) float64
+        0..1, how likely the cell is part of each face of the room (1 where nothing is known).
+    sigma : (n,) float64
+        Depth noise in m.
+    scale_count : int
+        Candidates for the distance of the front wall: the strongest peaks of its support, then an even spread.
+    """
+    support, violation = _profiles(
+        points, agreement, structure, sigma, FACE_AXIS, FACE_SIGN, N_OFFSETS, np.log(NEAREST_M), _STEP, _TOLERANCE_M
+    )
+    offsets = NEAREST_M * np.exp(_STEP * np.arange(N_OFFSETS))
+    front = FRONT_WALL - 1
+    scales = _scales(offsets, support[front] - violation[front], support[front], scale_count)
+    return DepthProfiles(offsets, support, violation, scales)
+
+
+def _scales(
+    offsets: NDArray[np.float64], balance: NDArray[np.float64], support: NDArray[np.float64], count: int
+) -> NDArray[np.float64]:
+    inner = support[1:-1]
+    peaks = np.flatnonzero((inner >= support[:-2]) & (inner > support[2:]) & (inner > 1e-3)) + 1
+    peaks = peaks[np.argsort(-balance[peaks], kind="stable")][: count - 3]
+    spread = np.interp((0.3, 0.6, 1.0), (0.0, 1.0), (offsets[0], _extent(offsets, balance, support)))
+    return np.unique(np.concatenate([offsets[peaks], spread[: count - len(peaks)]]))
+
+
+def _extent(offsets: NDArray[np.float64], balance: NDArray[np.float64], support: NDArray[np.float64]) -> float:
+    """Offset beyond which hardly anything lies."""
+    beyond = support - balance
+    clear = np.flatnonzero(beyond <= 0.003)
+    return float(offsets[clear[0]]) if len(clear) else float(offsets[-1])
+
+
+def _interpolate(profile: NDArray[np.float64], distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    with np.errstate(divide="ignore"):
+        position = (np.log(distances) - np.log(NEAREST_M)) / _STEP
+    values = np.interp(position, np.arange(len(profile)), profile)
+    return np.where(np.isfinite(distances), values, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def _profiles(points, agreement, structure, sigma, face_axis, face_sign, n, start, step, tolerance):  # type: ignore[no-untyped-def]
+    support = np.zeros((5, n))
+    violation = np.zeros((5, n))
+    share = 1.0 / len(points)
+    for c in range(len(points)):
+        if not points[c, 2] == points[c, 2]:
+            continue
+        width = 2.0 * np.sqrt(sigma[c] ** 2 + tolerance**2)
+        for k in range(N_FACES):
+            axis = face_axis[k]
+            offset = face_sign[k] * points[c, axis]
+            near = offset - width
+            if offset + width <= 0.0:
+                continue
+            weight = share * agreement[c, axis] * structure[c, k]
+            first = 0 if near <= 0.0 else max(0, int(np.ceil((np.log(near) - start) / step)))
+            last = min(n - 1, int(np.floor((np.log(offset + width) - start) / step)))
+            for b in range(min(first, n)):
+                violation[k, b] += share
+            for b in range(first, last + 1):  # a triangle of support; violation falls off where the plane passes the cell
+                gap = (np.exp(start + b * step) - offset) / width
+                support[k, b] += weight * (1.0 - abs(gap))
+                if gap < 0.0:
+                    violation[k, b] += share * gap * gap
+    return support, violation

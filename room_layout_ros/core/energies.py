@@ -1,0 +1,287 @@
+"""The joint energy of layout and labels, E = w . phi(x, y) (docs/method.md, section 6).
+
+All terms are shares of the image, so that weights do not depend on the resolution or the number of superpixels:
+layout and compatibility terms per pixel, unary terms per superpixel area, pair terms per border length times the mean
+superpixel's side. Every named block of phi (`weights.BLOCKS`) has its costs here once, for inference, and its features once, for
+learning; a test holds them equal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .depth_profiles import DepthProfiles
+from .integral_geometry import CellCounts, PairTables, face_counts, pair_tables
+from .labelling import LabelProblem
+from .labels import FRONT_WALL, N_FACES, N_LABELS
+from .layout_search import Layout
+from .ray_grid import N_SIDES, SIDE_FACE
+from .weights import BLOCKS, N_FEATURES, SLICES, ModelWeights, physical_table
+
+N_LAYOUT_FEATURES = 11
+_TABLE = physical_table()
+_FRONT = FRONT_WALL - 1
+
+
+@dataclass(frozen=True, slots=True)
+class JointProblem:
+    """All evidence of one frame under one naming of the axes.
+
+    Attributes
+    ----------
+    counts : CellCounts
+        Of the atoms; an atom lies in one superpixel and all its pixels have one orientation.
+    atom_superpixel : (A,) int32.
+    atom_feature : (A, 11) float64, per pixel of the atom: orientation map (5, one-hot), geometric context (6).
+    label_gc : (K, 6) float64 probabilities of geometric context.
+    label_om : (K, 5) float64 share of each superpixel's pixels per orientation.
+    label_depth : (K, 12) float64 six cosines and six distances, each in the order of the labels (paper 3.2); 0 without depth.
+    edges : (E, 2) int32 touching superpixels i < j.
+    contact : (E,) float64 length of the border times the mean side of a superpixel, share of the image.
+    relation : (E, 6) float64 0..1: i is above, below, right of, left of, in front of (farther), behind j.
+    smoothness : (E, 3) float64 0..1: 1, likeness of colour, likeness of plane.
+    profiles : depth support and violation per plane offset, None without depth.
+    front_axis : 0..1, how far the front wall's axis is turned away from the camera's.
+    """
+
+    counts: CellCounts
+    atom_superpixel: NDArray[np.int32]
+    atom_feature: NDArray[np.float64]
+    label_gc: NDArray[np.float64]
+    label_om: NDArray[np.float64]
+    label_depth: NDArray[np.float64]
+    edges: NDArray[np.int32]
+    contact: NDArray[np.float64]
+    relation: NDArray[np.float64]
+    smoothness: NDArray[np.float64]
+    profiles: DepthProfiles | None
+    front_axis: float = 0.0
+
+    def __post_init__(self) -> None:
+        atoms, nodes, edges = len(self.counts.pixels), len(self.label_gc), len(self.edges)
+        expected = {
+            "atom_superpixel": (atoms,),
+            "atom_feature": (atoms, N_LAYOUT_FEATURES),
+            "label_gc": (nodes, N_LABELS),
+            "label_om": (nodes, N_FACES),
+            "label_depth": (nodes, 12),
+            "edges": (edges, 2),
+            "contact": (edges,),
+            "relation": (edges, 6),
+            "smoothness": (edges, 3),
+        }
+        for name, shape in expected.items():
+            array = getattr(self, name)
+            if array.shape != shape:
+                raise ValueError(f"{name} of the joint problem has shape {array.shape}; {shape} is needed")
+            if array.dtype.kind == "f" and not np.isfinite(array).all():
+                raise ValueError(f"{name} of the joint problem holds a value that is not finite")
+
+    @property
+    def pixels(self) -> float:
+        """Number of pixels counted; the unit of all shares."""
+        return float(self.counts.pixels.sum())
+
+    @property
+    def area(self) -> NDArray[np.float64]:
+        """(K,) share of the image per superpixel."""
+        return self.by_superpixel(self.counts.pixels[:, None])[:, 0] / self.pixels
+
+    @property
+    def scales(self) -> NDArray[np.float64]:
+        """(C,) candidate distances of the front wall in m; [1] where depth is not known."""
+        return self.profiles.scales if self.profiles is not None else np.ones(1)
+
+    def by_superpixel(self, per_atom: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sum (A, n) values over the atoms of each superpixel: (K, n)."""
+        nodes, columns = len(self.label_gc), per_atom.shape[1]
+        index = (self.atom_superpixel[:, None] * columns + np.arange(columns)).ravel()
+        return np.bincount(index, per_atom.ravel(), nodes * columns).reshape(nodes, columns)
+
+
+@dataclass(frozen=True, slots=True)
+class ExtraCosts:
+    """Costs added to the model's, for loss-augmented inference: (A, 5) per atom and face, (K, 6) per superpixel and label.
+
+    Both are for the whole atom or superpixel, in shares of the image.
+    """
+
+    face: NDArray[np.float64]
+    label: NDArray[np.float64]
+
+
+# --- layout -----------------------------------------------------------------------------------------------------------
+
+
+def layout_costs(problem: JointProblem, weights: ModelWeights, extra: ExtraCosts | None = None) -> NDArray[np.float64]:
+    """Return the cost of one pixel of each atom in each face, E_layout only: (A, 5)."""
+    w = np.concatenate([weights.block("layout_om"), weights.block("layout_gc")], axis=1)
+    cost = problem.atom_feature @ w.T / problem.pixels
+    if extra is not None:
+        cost += extra.face / np.maximum(problem.counts.pixels, 1.0)[:, None]
+    return cost
+
+
+def compatibility_costs(
+    problem: JointProblem, weights: ModelWeights, labels: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return the cost of one pixel of each atom in each face for labels (K,) 0..5, E_comp: (A, 5)."""
+    return weights.block("compatibility").T[labels[problem.atom_superpixel]] / problem.pixels
+
+
+def plane_costs(
+    problem: JointProblem, weights: ModelWeights, scale: float
+) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], float]:
+    """Return the costs of each side's states at a metric scale, and the constant of the front wall."""
+    support, violation = weights.block("plane_support"), weights.block("plane_violation")
+    absent = weights.block("face_absent")
+    grid = problem.counts.grid
+    sides = []
+    for side in range(N_SIDES):
+        states = grid.side_states(side)
+        cost = np.where(np.isfinite(states), 0.0, absent[side])
+        if problem.profiles is not None:
+            face = SIDE_FACE[side] - 1
+            s, v = problem.profiles.at(face, states * scale)
+            cost += support[face] * s + violation[face] * v
+        sides.append(cost)
+    constant = float(weights.block("front_axis")[0]) * problem.front_axis
+    if problem.profiles is not None:
+        s, v = problem.profiles.at(_FRONT, np.array([scale]))
+        constant += float(support[_FRONT] * s[0] + violation[_FRONT] * v[0])
+    return (sides[0], sides[1], sides[2], sides[3]), constant
+
+
+def layout_tables(
+    problem: JointProblem,
+    weights: ModelWeights,
+    labels: NDArray[np.int64] | None = None,
+    extra: ExtraCosts | None = None,
+) -> PairTables:
+    """Return the pair tables of E_layout, plus E_comp where labels are given; without the plane terms."""
+    cost = layout_costs(problem, weights, extra)
+    if labels is not None:
+        cost += compatibility_costs(problem, weights, labels)
+    return pair_tables(problem.counts, cost)
+
+
+# --- labels -----------------------------------------------------------------------------------------------------------
+
+
+def label_problem(problem: JointProblem, weights: ModelWeights, extra: ExtraCosts | None = None) -> LabelProblem:
+    """Return E_labelling as unary and pairwise costs."""
+    unary = problem.label_gc @ weights.block("label_gc") + problem.label_om @ weights.block("label_om")
+    unary += label_depth_costs(problem, weights) + weights.block("label_bias")
+    unary *= problem.area[:, None]
+    if extra is not None:
+        unary += extra.label
+    return LabelProblem(unary, problem.edges, pair_costs(problem, weights))
+
+
+def label_depth_costs(problem: JointProblem, weights: ModelWeights) -> NDArray[np.float64]:
+    """(K, 6): the cosine and the distance that belong to a label, each with its weight (12 in all)."""
+    w = weights.block("label_depth")
+    return problem.label_depth[:, :N_LABELS] * w[:N_LABELS] + problem.label_depth[:, N_LABELS:] * w[N_LABELS:]
+
+
+def pair_costs(problem: JointProblem, weights: ModelWeights) -> NDArray[np.float64]:
+    """(E, 6, 6): Table 1 for i against j and for j against i, and the cost of unlike labels."""
+    w = weights.block("pair")
+    forward = violations(problem.relation)
+    backward = violations(reversed_relation(problem.relation)).transpose(0, 2, 1)
+    cost = w * forward + w.T * backward
+    unlike = (problem.smoothness @ weights.block("smoothness"))[:, None, None] * (1.0 - np.eye(N_LABELS))
+    return np.ascontiguousarray((cost + unlike) * problem.contact[:, None, None])
+
+
+def violations(relation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(E, 6, 6): how far the relations (E, 6) of i to j forbid the labels (a, b)."""
+    result: NDArray[np.float64] = (relation @ _TABLE.reshape(36, 6).T.astype(np.float64)).reshape(-1, 6, 6)
+    return result
+
+
+def reversed_relation(relation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the relations of j to i: above and below, right and left, in front and behind change places."""
+    return relation[:, [1, 0, 3, 2, 5, 4]]
+
+
+def coupling(problem: JointProblem, weights: ModelWeights, layout: Layout) -> NDArray[np.float64]:
+    """Return E_comp of one layout as a cost per superpixel and label: (K, 6)."""
+    return superpixel_faces(problem, layout) @ weights.block("compatibility")
+
+
+def superpixel_faces(problem: JointProblem, layout: Layout) -> NDArray[np.float64]:
+    """(K, 5): share of the image that each superpixel has in each face of a layout."""
+    return problem.by_superpixel(face_counts(problem.counts, layout)) / problem.pixels
+
+
+# --- features ---------------------------------------------------------------------------------------------------------
+
+
+def joint_features(
+    problem: JointProblem, labels: NDArray[np.int64], layout: Layout, scale: float
+) -> NDArray[np.float64]:
+    """Return phi(x, y), for which E = w . phi.
+
+    Parameters
+    ----------
+    problem : JointProblem
+    labels : (K,) int64, 0..5
+    layout : state indices of ceiling, floor, left and right ray.
+    scale : distance of the front wall in m (not read without depth).
+
+    Returns
+    -------
+    (N_FEATURES,) float64, ordered as `weights.BLOCKS`.
+    """
+    one_hot = np.eye(N_LABELS)[labels]
+    area = problem.area[:, None] * one_hot
+    faces = face_counts(problem.counts, layout) / problem.pixels
+    layout_features = faces.T @ problem.atom_feature
+    depth = problem.label_depth.reshape(-1, 2, N_LABELS)
+    i, j = problem.edges.T
+    forward = violations(problem.relation)[np.arange(len(i)), labels[i], labels[j]] * problem.contact
+    backward = violations(reversed_relation(problem.relation))[np.arange(len(i)), labels[j], labels[i]] * problem.contact
+    pair = np.zeros((N_LABELS, N_LABELS))
+    np.add.at(pair, (labels[i], labels[j]), forward)
+    np.add.at(pair, (labels[j], labels[i]), backward)
+    support, violation, absent = _plane_features(problem, layout, scale)
+    blocks = {
+        "layout_om": layout_features[:, :N_FACES],
+        "layout_gc": layout_features[:, N_FACES:],
+        "label_gc": problem.label_gc.T @ area,
+        "label_depth": np.einsum("ktl,kl->tl", depth, area).ravel(),
+        "pair": pair,
+        "compatibility": problem.by_superpixel(faces).T @ one_hot,
+        "label_om": problem.label_om.T @ area,
+        "label_bias": area.sum(axis=0),
+        "smoothness": problem.smoothness.T @ (problem.contact * (labels[i] != labels[j])),
+        "plane_support": support,
+        "plane_violation": violation,
+        "face_absent": absent,
+        "front_axis": np.array([problem.front_axis]),
+    }
+    phi = np.empty(N_FEATURES)
+    for name in BLOCKS:
+        phi[SLICES[name]] = blocks[name].ravel()
+    return phi
+
+
+def _plane_features(
+    problem: JointProblem, layout: Layout, scale: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    support, violation, absent = np.zeros(N_FACES), np.zeros(N_FACES), np.zeros(N_SIDES)
+    for side, state in enumerate(layout):
+        value = problem.counts.grid.states[side, state]
+        absent[side] = float(np.isinf(value))
+        if problem.profiles is not None:
+            face = SIDE_FACE[side] - 1
+            s, v = problem.profiles.at(face, np.array([value * scale]))
+            support[face], violation[face] = s[0], v[0]
+    if problem.profiles is not None:
+        s, v = problem.profiles.at(_FRONT, np.array([scale]))
+        support[_FRONT], violation[_FRONT] = s[0], v[0]
+    return support, violation, absent

@@ -1,0 +1,315 @@
+"""The learned model as a value and as a file: .npz, never pickle, checked before anything is believed.
+
+A model file is a zip of .npy arrays and one member `card.json` with kind, schema version, SHA-256 of the arrays and whatever the
+trainer wrote about data, date and command. The same arrays give the same bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+SCHEMA_VERSION = 1
+MAX_FILE_BYTES = 64 << 20
+MAX_ARRAY_BYTES = 128 << 20
+"""All arrays unpacked; a zip bomb is refused by its table of contents."""
+MAX_MEMBERS = 256
+_CARD = "card.json"
+_KIND = "room_layout joint model"
+
+BLOCKS: Mapping[str, tuple[int, ...]] = {
+    "layout_om": (5, 5),
+    "layout_gc": (5, 6),
+    "label_gc": (6, 6),
+    "label_depth": (12,),
+    "pair": (6, 6),
+    "compatibility": (5, 6),
+    "label_om": (5, 6),
+    "label_bias": (6,),
+    "smoothness": (3,),
+    "plane_support": (5,),
+    "plane_violation": (5,),
+    "face_absent": (4,),
+    "front_axis": (1,),
+}
+"""Blocks of the feature vector in their order (docs/method.md, section 6); the first six are the paper's, the others ours."""
+
+PAPER_BLOCKS = tuple(BLOCKS)[:6]
+
+
+def _slices() -> dict[str, slice]:
+    result, start = {}, 0
+    for name, shape in BLOCKS.items():
+        stop = start + int(np.prod(shape))
+        result[name] = slice(start, stop)
+        start = stop
+    return result
+
+
+SLICES: Mapping[str, slice] = _slices()
+N_FEATURES = max(s.stop for s in SLICES.values())
+
+VARIANTS: Mapping[str, tuple[str, ...]] = {
+    "full": (),
+    "paper": tuple(b for b in BLOCKS if b not in PAPER_BLOCKS),
+    "rgb": ("label_depth", "plane_support", "plane_violation"),
+    "om_only": ("layout_gc", "label_gc"),
+    "gc_only": ("layout_om", "label_om"),
+    "no_compatibility": ("compatibility",),
+    "no_planes": ("plane_support", "plane_violation"),
+    "no_pairs": ("pair", "smoothness"),
+}
+"""Blocks that are off in each variant of the model (lambda_d = 0 and one alternation are settings, not blocks)."""
+
+
+class WeightsError(ValueError):
+    """A model file that cannot be used; the message says why in one sentence."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModelWeights:
+    """Weights w of the joint energy E = w . phi.
+
+    Parameters
+    ----------
+    vector : (N_FEATURES,) float64
+    card : what the trainer says about them; JSON values.
+
+    Raises
+    ------
+    ValueError
+        When the vector has another shape or a value is not finite.
+    """
+
+    vector: NDArray[np.float64]
+    card: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.vector.shape != (N_FEATURES,) or self.vector.dtype != np.float64:
+            raise ValueError(f"weights are {self.vector.dtype} {self.vector.shape}; float64 ({N_FEATURES},) is needed")
+        if not np.isfinite(self.vector).all():
+            raise ValueError(f"weight {int(np.flatnonzero(~np.isfinite(self.vector))[0])} is not finite; all must be")
+
+    def block(self, name: str) -> NDArray[np.float64]:
+        """Return one block in its shape."""
+        return self.vector[SLICES[name]].reshape(BLOCKS[name])
+
+    def variant(self, name: str) -> ModelWeights:
+        """Return the weights with the blocks of a variant switched off.
+
+        Raises
+        ------
+        ValueError
+            When there is no such variant.
+        """
+        if name not in VARIANTS:
+            raise ValueError(f"model variant is {name!r}; allowed are {', '.join(VARIANTS)}")
+        return self.without(*VARIANTS[name])
+
+    def without(self, *blocks: str) -> ModelWeights:
+        """Return the weights with these blocks set to 0."""
+        vector = self.vector.copy()
+        for name in blocks:
+            vector[SLICES[name]] = 0.0
+        return replace(self, vector=vector)
+
+
+def pack_blocks(blocks: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the (N_FEATURES,) vector of named blocks; absent ones are 0.
+
+    Raises
+    ------
+    ValueError
+        When a name is unknown or a shape is not the block's.
+    """
+    vector = np.zeros(N_FEATURES)
+    for name, values in blocks.items():
+        if name not in BLOCKS:
+            raise ValueError(f"block {name!r} is unknown; allowed are {', '.join(BLOCKS)}")
+        if np.shape(values) != BLOCKS[name]:
+            raise ValueError(f"block {name} has shape {np.shape(values)}; {BLOCKS[name]} is needed")
+        vector[SLICES[name]] = np.ravel(values)
+    return vector
+
+
+def start_weights() -> ModelWeights:
+    """Return hand-set weights: the model's structure with plausible signs, for use until learned ones are there.
+
+    Energies are in shares of the image: 1 is every pixel.
+    """
+    pull = -np.eye(6)
+    structure = np.eye(5, 6)
+    clutter = np.eye(6)[5]
+    disagree = (1.0 - structure) * (1.0 - clutter)
+    table = physical_table().any(axis=2).astype(np.float64)
+    blocks = {
+        "layout_om": -0.15 * np.eye(5),
+        "layout_gc": -0.8 * structure,
+        "label_gc": 1.0 * pull,
+        "label_depth": np.concatenate([np.full(5, -0.15), [-0.05], np.full(5, 0.1), [0.0]]),
+        "pair": 0.15 * table,
+        "compatibility": 0.6 * disagree - 0.1 * structure,
+        "label_om": -0.05 * structure,
+        "smoothness": np.array([0.01, 0.05, 0.08]),
+        "plane_support": np.full(5, -0.6),
+        "plane_violation": np.full(5, 0.9),
+        "face_absent": np.array([0.0, 0.0, 0.005, 0.005]),
+        "front_axis": np.array([0.05]),
+    }
+    return ModelWeights(pack_blocks(blocks), {"name": "start", "origin": "set by hand"})
+
+
+def physical_table() -> NDArray[np.bool_]:
+    """(6, 6, 6) bool, [a, b, r]: a superpixel of label a cannot stand in relation r to a neighbour of label b (paper, Table 1).
+
+    Relations r: above, below, right of, left of, in front of (farther along Z), behind.
+    """
+    rows = (
+        ("", "2", "24", "25", "23", "2"),
+        ("1", "", "14", "15", "13", "1"),
+        ("13", "23", "", "35", "3", "3"),
+        ("16", "26", "46", "", "36", "6"),
+        ("14", "24", "4", "45", "", "4"),
+        ("1", "2", "4", "5", "3", ""),
+    )
+    order = (0, 1, 2, 3, 4, 5)  # rows and columns: ceiling, floor, left, front, right, clutter: the order of the labels
+    table = np.zeros((6, 6, 6), dtype=bool)
+    for a in order:
+        for b in order:
+            for r in rows[a][b]:
+                table[a, b, int(r) - 1] = True
+    return table
+
+
+def save_weights(weights: ModelWeights, path: Path) -> None:
+    """Write a model file."""
+    write_arrays(path, _KIND, {name: weights.block(name) for name in BLOCKS}, weights.card)
+
+
+def load_weights(path: Path) -> ModelWeights:
+    """Read a model file.
+
+    Raises
+    ------
+    WeightsError
+        When the file is missing, cut, too large, of another kind or version, changed, or holds a wrong or non-finite array.
+    """
+    arrays, card = read_arrays(path, _KIND)
+    for name, shape in BLOCKS.items():
+        if name not in arrays:
+            raise WeightsError(f"{path} has no block {name}; all of {', '.join(BLOCKS)} are needed")
+        if arrays[name].shape != shape or arrays[name].dtype != np.float64:
+            raise WeightsError(f"block {name} of {path} is {arrays[name].dtype} {arrays[name].shape}; float64 {shape} is needed")
+    unknown = set(arrays) - set(BLOCKS)
+    if unknown:
+        raise WeightsError(f"{path} has the unknown block {min(unknown)}; allowed are {', '.join(BLOCKS)}")
+    return ModelWeights(pack_blocks(arrays), card)
+
+
+def write_arrays(path: Path, kind: str, arrays: Mapping[str, NDArray[Any]], card: Mapping[str, Any]) -> None:
+    """Write named arrays with a card; the same content gives the same bytes.
+
+    Parameters
+    ----------
+    path : Path
+    kind : str
+        What the file is, checked on reading.
+    arrays : name to array; numbers or booleans without NaN.
+    card : JSON values about the arrays.
+    """
+    members = {name: _npy(arrays[name]) for name in sorted(arrays)}
+    whole = {**card, "kind": kind, "schema": SCHEMA_VERSION, "sha256": _digest(members)}
+    text = json.dumps(whole, sort_keys=True, indent=1, allow_nan=False).encode()
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in [(_CARD, text), *((f"{name}.npy", content) for name, content in members.items())]:
+            info = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
+            info.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(info, content)
+
+
+def read_arrays(path: Path, kind: str) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Read named arrays and their card, checking sizes before anything is unpacked.
+
+    Raises
+    ------
+    WeightsError
+        As `load_weights`.
+    """
+    members = _read_members(path)
+    try:
+        card = json.loads(members.pop(_CARD))
+    except (KeyError, ValueError, RecursionError):
+        raise WeightsError(f"{path} has no readable {_CARD}; it is no model file of this package") from None
+    if not isinstance(card, dict) or card.get("kind") != kind:
+        found = card.get("kind") if isinstance(card, dict) else None
+        raise WeightsError(f"{path} is of kind {str(found)[:80]!r}; {kind!r} is needed")
+    if card.get("schema") != SCHEMA_VERSION:
+        raise WeightsError(f"{path} has schema version {str(card.get('schema'))[:20]}; version {SCHEMA_VERSION} is needed")
+    contents = {name.removesuffix(".npy"): content for name, content in members.items()}
+    if card.get("sha256") != _digest(contents):
+        raise WeightsError(f"the arrays of {path} do not match their SHA-256; the file was changed or damaged")
+    arrays = {name: _parse(path, name, content) for name, content in contents.items()}
+    card = {key: value for key, value in card.items() if key not in ("kind", "schema", "sha256")}
+    return arrays, card
+
+
+def _read_members(path: Path) -> dict[str, bytes]:
+    try:
+        size = path.stat().st_size
+        if size > MAX_FILE_BYTES:
+            raise WeightsError(f"{path} has {size} bytes; at most {MAX_FILE_BYTES} are read")
+        with zipfile.ZipFile(path) as archive:
+            entries = archive.infolist()
+            total = sum(entry.file_size for entry in entries)
+            if len(entries) > MAX_MEMBERS or total > MAX_ARRAY_BYTES:
+                raise WeightsError(
+                    f"{path} unpacks to {len(entries)} members of {total} bytes; allowed are {MAX_MEMBERS} of {MAX_ARRAY_BYTES}"
+                )
+            members: dict[str, bytes] = {}
+            for entry in entries:
+                with archive.open(entry) as stream:
+                    members[entry.filename] = stream.read(entry.file_size + 1)
+                if len(members[entry.filename]) != entry.file_size:
+                    raise WeightsError(f"member {entry.filename[:80]!r} of {path} is not as long as it says")
+            return members
+    except OSError as error:
+        raise WeightsError(f"{path} cannot be read: {error.strerror or error}") from None
+    except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, RuntimeError, EOFError, ValueError, zlib.error) as error:
+        if isinstance(error, WeightsError):
+            raise
+        raise WeightsError(f"{path} is cut or no .npz file: {str(error)[:80]}") from None
+
+
+def _parse(path: Path, name: str, content: bytes) -> NDArray[Any]:
+    try:
+        array: NDArray[Any] = np.load(io.BytesIO(content), allow_pickle=False)
+    except (ValueError, OSError, EOFError, SyntaxError, MemoryError):
+        raise WeightsError(f"array {name[:80]!r} of {path} is no plain .npy array (pickled objects are refused)") from None
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiub":
+        raise WeightsError(f"array {name[:80]!r} of {path} has type {getattr(array, 'dtype', type(array))}; numbers are needed")
+    if array.dtype.kind == "f" and not np.isfinite(array).all():
+        raise WeightsError(f"array {name[:80]!r} of {path} holds a value that is not finite")
+    return array
+
+
+def _npy(array: NDArray[Any]) -> bytes:
+    stream = io.BytesIO()
+    np.lib.format.write_array(stream, np.ascontiguousarray(array), allow_pickle=False)
+    return stream.getvalue()
+
+
+def _digest(members: Mapping[str, bytes]) -> str:
+    digest = hashlib.sha256()
+    for name in sorted(members):
+        digest.update(name.encode() + b"\0" + len(members[name]).to_bytes(8, "little") + members[name])
+    return digest.hexdigest()
