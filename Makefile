@@ -71,6 +71,8 @@ oldest: .venv-oldest/.installed
 	AMENT_PREFIX_PATH= .venv-oldest/bin/python -m pytest -m "not dds" $(PYTEST_ARGS)
 
 .venv-oldest/.installed: setup.py constraints-oldest.txt
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 12) and \
+	  f"Python is {sys.version.split()[0]}; these wheels exist for 3.10 and 3.11 (make oldest PYTHON=python3.11)")'
 	@[ -x .venv-oldest/bin/python ] || $(PYTHON) -m venv .venv-oldest
 	.venv-oldest/bin/python -m pip install --quiet --constraint constraints-oldest.txt pip setuptools wheel
 	.venv-oldest/bin/python -m pip install --quiet --no-build-isolation --constraint constraints-oldest.txt \

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-ROS = {"rclpy", "ament_index_python", "builtin_interfaces", "launch", "launch_ros", "tf2_ros"}
+ROS = {"rclpy", "ament_index_python", "launch", "launch_ros", "tf2_ros"}
 HEAVY = {"sklearn", "joblib", "dask", "distributed", "matplotlib", "h5py", "rosbags", "tqdm", "pytest", "PIL"}
 BLOCK_ROS = """
 import sys
 class NoRos:
     def find_spec(self, name, path=None, target=None):
         top = name.partition(".")[0]
-        if top in {"rclpy", "rosidl_runtime_py", "ament_index_python", "builtin_interfaces"} or top.endswith("_msgs"):
+        if top in {"rclpy", "rosidl_runtime_py", "ament_index_python"} or top.endswith(("_msgs", "_interfaces")):
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, NoRos())
 """
@@ -26,7 +26,7 @@ sys.meta_path.insert(0, NoRos())
 
 def _is_ros(module: str) -> bool:
     top = module.partition(".")[0]
-    return top in ROS or top.endswith("_msgs")
+    return top in ROS or top.endswith(("_msgs", "_interfaces"))
 
 
 def _lint_imports(folder: Path) -> subprocess.CompletedProcess[str]:
