@@ -1,4 +1,4 @@
-"""colcon builds the package in a workspace, and what it installs starts, as `ros2 run room_layout_ros estimator` would."""
+"""colcon builds the package in a workspace, and what it installs starts, as `ros2 run` would start it."""
 
 from __future__ import annotations
 
