@@ -61,8 +61,8 @@ def paint_share(share: NDArray[np.floating]) -> Image:
     """Return a map of 0..1 in colours, NaN black."""
     finite = np.isfinite(share)
     level = (np.clip(np.where(finite, share, 0), 0, 1) * 255).astype(np.uint8)
-    colors = cv2.applyColorMap(level, cv2.COLORMAP_VIRIDIS)[..., ::-1]
-    return np.asarray(np.where(finite[..., None], colors, 0), np.uint8)
+    colors = np.asarray(cv2.applyColorMap(level, cv2.COLORMAP_VIRIDIS)[..., ::-1], np.uint8)
+    return np.where(finite[..., None], colors, np.uint8(0))
 
 
 def draw_outlines(image: Image, layout: Image, color: tuple[int, int, int], width: int = 3) -> Image:
@@ -71,9 +71,9 @@ def draw_outlines(image: Image, layout: Image, color: tuple[int, int, int], widt
     for face in FACES:
         mask = (layout == face).astype(np.uint8)
         border |= mask & (cv2.erode(mask, np.ones((3, 3), np.uint8), borderValue=1) == 0)
-    border = cv2.dilate(border, np.ones((width, width), np.uint8))
+    thick = cv2.dilate(border, np.ones((width, width), np.uint8))
     out = image.copy()
-    out[border > 0] = color
+    out[thick > 0] = color
     return out
 
 

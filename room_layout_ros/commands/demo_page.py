@@ -1,0 +1,85 @@
+"""The page at the end of a demo: what happened, to be understood without having read anything else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+from room_layout_ros.core.labels import LABEL_COLORS, LABEL_NAMES
+from room_layout_ros.evaluation import page
+
+
+@dataclass(frozen=True, slots=True)
+class DemoFacts:
+    """What the page tells; texts are plain, they are escaped here.
+
+    Attributes
+    ----------
+    title, source : what was shown. live : through the node over DDS, or without ROS.
+    cards : (number, what, beside). topics : (name, type, messages) of the recording.
+    animation, sheet, mcap, bag : files in the folder of the page. sheets : all contact sheets.
+    commands : what was run, for whoever wants to repeat it. notes : anything that fell short.
+    """
+
+    title: str
+    source: str
+    live: bool
+    cards: Sequence[tuple[str, str, str]]
+    topics: Sequence[tuple[str, str, int]]
+    animation: Path
+    sheet: Path
+    sheets: Sequence[Path]
+    mcap: Path
+    bag: Path
+    commands: Sequence[str]
+    notes: Sequence[str]
+
+
+_LIVE = """A player published the frames as ROS 2 topics, the <code>estimator</code> node turned each colour and depth
+pair into the room you see, and a recorder wrote down what the node published: three processes, talking over DDS like on
+a robot. Everything on this page comes from that recording."""
+
+_OFFLINE = """No ROS 2 wheels exist for this machine, so the same bag went through the same estimator without the node.
+Results and recording are the same; only the transport over DDS was left out."""
+
+_READING = """Left is what the camera saw. Right is what the estimator says: the room's ceiling, floor and walls as
+coloured faces with their edges drawn also behind furniture, and everything that stands in the room in grey."""
+
+
+_FOXGLOVE = """(or <code>ros2 bag play</code> it). In a 3D panel switch on <code>markers</code>; an Image panel shows
+<code>overlay</code>."""
+
+
+def demo_html(facts: DemoFacts) -> str:
+    """Return the page."""
+    names = [(name, tuple(color)) for name, color in zip(LABEL_NAMES, LABEL_COLORS.tolist(), strict=True)]
+    more = [_link(sheet) for sheet in facts.sheets if sheet != facts.sheet]
+    body = [
+        f"<h1>{escape(facts.title)}</h1><p class='soft'>{escape(facts.source)}</p>",
+        _image(facts.animation, "colour beside the estimate, moving"),
+        page.legend(names[1:]),
+        f"<p>{_READING}</p>",
+        page.cards(facts.cards),
+        *(f"<p><b>Note:</b> {escape(note)}</p>" for note in facts.notes),
+        "<h2>What just happened</h2>",
+        f"<p>{_LIVE if facts.live else _OFFLINE}</p>",
+        "<h2>Contact sheet</h2>",
+        _image(facts.sheet, "contact sheet"),
+        f"<p>Every frame: {', '.join(more)}</p>" if more else "",
+        "<h2>Look around in it yourself</h2>",
+        f"<p>Open {_link(facts.mcap)} in Foxglove {_FOXGLOVE} The input is {_link(facts.bag)}.</p>",
+        page.table(["topic", "type", "messages"], [[t, kind, str(n)] for t, kind, n in facts.topics]),
+        "<h2>Again, by hand</h2>",
+        f"<pre><code>{escape(chr(10).join(facts.commands))}</code></pre>",
+    ]
+    return page.page(facts.title, body)
+
+
+def _image(path: Path, alt: str) -> str:
+    return f"<img src='{escape(path.name, quote=True)}' alt='{escape(alt, quote=True)}'>"
+
+
+def _link(path: Path) -> str:
+    return f"<a href='{escape(path.name, quote=True)}'>{escape(path.name)}</a>"

@@ -1,0 +1,66 @@
+"""Contact sheet and moving picture of a run."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from room_layout_ros.datasets import DataError
+from room_layout_ros.datasets.images import write_atomically, write_image
+from room_layout_ros.evaluation import pictures
+
+Image = NDArray[np.uint8]
+SHEET_FRAMES = 24
+ANIMATION_FRAMES = 120
+"""More frames are thinned out evenly: a page should open at once."""
+
+_TILE = (320, 240)
+_ANIMATION_TILE = (480, 360)
+
+
+def evenly(count: int, wanted: int) -> list[int]:
+    """Return at most `wanted` indices spread evenly over 0..count - 1."""
+    return sorted({int(i) for i in np.linspace(0, count - 1, min(count, wanted)).round()})
+
+
+def write_sheets(path: Path, frames: Sequence[tuple[str, Image]], columns: int = 6) -> list[Path]:
+    """Write contact sheets: `path` with an even choice of frames; if there are more, path-all-N with all of them."""
+    chosen = [frames[i] for i in evenly(len(frames), SHEET_FRAMES)]
+    write_image(path, pictures.tiles(chosen, min(columns, len(chosen)), _TILE))
+    written = [path]
+    if len(frames) > SHEET_FRAMES:
+        per_sheet = 60
+        for number, start in enumerate(range(0, len(frames), per_sheet), 1):
+            sheet = path.with_name(f"{path.stem}-all-{number}.jpg")
+            write_image(sheet, pictures.tiles(frames[start : start + per_sheet], 10, (200, 150)), 88)
+            written.append(sheet)
+    return written
+
+
+def side_by_side(left: Image, right: Image) -> Image:
+    """Return two pictures beside each other at the animation's size."""
+    return np.hstack([cv2.resize(image, _ANIMATION_TILE, interpolation=cv2.INTER_AREA) for image in (left, right)])
+
+
+def write_animation(path: Path, frames: Sequence[Image], seconds: float) -> None:
+    """Write an animated WebP: plays in every browser without a codec, and lies inside the page as an image.
+
+    Raises
+    ------
+    DataError
+        When Pillow is missing.
+    """
+    try:
+        from PIL import Image as Pillow
+    except ImportError:
+        raise DataError("the moving picture needs Pillow: pip install 'room_layout_ros[viz]'") from None
+    chosen = [Pillow.fromarray(frames[i]) for i in evenly(len(frames), ANIMATION_FRAMES)]
+    out = io.BytesIO()
+    each_ms = max(40, round(1000 * seconds / len(chosen)))
+    chosen[0].save(out, "webp", save_all=True, append_images=chosen[1:], duration=each_ms, loop=0, quality=72, method=2)
+    write_atomically(path, out.getvalue())
