@@ -48,7 +48,8 @@ def decode_camera_info(message: CameraInfoLike) -> CameraReading:
     if P[0] == 0 and P[5] == 0:
         if K[0] == 0 or distorted:
             raise ValueError(
-                f"camera_info has P of zeros (K starts with {K[0]:g}); the camera is uncalibrated or its images are not rectified"
+                f"camera_info has P of zeros (K starts with {K[0]:g}); "
+                "the camera is uncalibrated or its images are not rectified"
             )
         P = np.array([K[0], 0, K[2], 0, 0, K[4], K[5], 0, 0, 0, 1, 0])
     warning = ""

@@ -156,9 +156,11 @@ def _check_unit(pixels: NDArray[np.generic], encoding: str) -> None:
     median = float(np.median(measured))
     if encoding == "32FC1" and median > _MAX_PLAUSIBLE_M:
         raise ValueError(
-            f"median depth is {median:.0f} m; check the depth unit: 32FC1 must be in metres (these look like millimetres)"
+            f"median depth is {median:.0f} m; check the depth unit: "
+            "32FC1 must be in metres (these look like millimetres)"
         )
     if encoding != "32FC1" and median < _MIN_PLAUSIBLE_MM:
         raise ValueError(
-            f"median depth is {median:.0f} mm; check the depth unit: {encoding} must be in millimetres (these look like metres)"
+            f"median depth is {median:.0f} mm; check the depth unit: "
+            f"{encoding} must be in millimetres (these look like metres)"
         )

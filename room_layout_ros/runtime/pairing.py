@@ -133,13 +133,13 @@ class StreamPairing(Generic[Item]):
         if stamp_ns in self._queues[_other(stream)]:
             self._run_without_exact = 0
             return self._emit(stamp_ns, stamp_ns)
-        candidates = self._near_pairs(stream, stamp_ns)
+        candidates = self._near_pairs()
         if not candidates:
             return None
         self._run_without_exact += 1
         return self._emit(*candidates[-1])
 
-    def _near_pairs(self, stream: str, stamp_ns: int) -> list[tuple[int, int]]:
+    def _near_pairs(self) -> list[tuple[int, int]]:
         """Return (colour, depth) stamps within the gap, each nearest to the other, in order of time.
 
         As long as equal stamps may still come, only pairs that both streams have passed count.
@@ -178,8 +178,8 @@ class StreamPairing(Generic[Item]):
         forward = last is not None and stamp_ns > last + _FORWARD_JUMPS * self._rules.reset_gap_ns
         self._emitted[stream] = stamp_ns
         self.counts[stream].paired += 1
-        images = (item, None) if stream == COLOR else (None, item)
-        return Pair(stamp_ns, *images, back or forward)
+        color, depth = (item, None) if stream == COLOR else (None, item)
+        return Pair(stamp_ns, color, depth, back or forward)
 
     def _forget(self, stream: str, stamp_ns: int, back: bool) -> None:
         """Drop what can no longer be paired: older than the pair, or of the time before a jump back."""

@@ -1,0 +1,79 @@
+"""Settings tables <-> ROS parameters: descriptors with ranges, atomic checks with reasons."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+
+from .core.config import Parameter, Value, parameters
+
+Table = TypeVar("Table")
+
+_INT_MAX = 2**31 - 1
+
+
+def describe(parameter: Parameter) -> ParameterDescriptor:
+    """Return what `ros2 param describe` shows: meaning, unit, choices and range."""
+    constraints = []
+    if parameter.unit:
+        constraints.append(f"unit: {parameter.unit}")
+    if parameter.choices:
+        constraints.append(f"one of: {', '.join(parameter.choices)}")
+    if not parameter.runtime:
+        constraints.append("fixed after the start")
+    descriptor = ParameterDescriptor(
+        name=parameter.name,
+        description=parameter.meaning,
+        additional_constraints="; ".join(constraints),
+        read_only=not parameter.runtime,
+    )
+    bounded = parameter.low is not None and parameter.high is not None
+    if bounded and type(parameter.default) is float:
+        descriptor.floating_point_range = [FloatingPointRange(from_value=parameter.low, to_value=parameter.high)]
+    elif bounded and type(parameter.default) is int:
+        high = min(int(parameter.high or 0), _INT_MAX)
+        descriptor.integer_range = [IntegerRange(from_value=int(parameter.low or 0), to_value=high, step=1)]
+    return descriptor
+
+
+def declare(node: Node, tables: Iterable[type]) -> None:
+    """Declare every row of the tables.
+
+    Raises
+    ------
+    rclpy.exceptions.ParameterException
+        When a value given at the start is of the wrong type or out of range.
+    """
+    for table in tables:
+        for row in parameters(table):
+            node.declare_parameter(row.name, row.default, describe(row))
+
+
+def read(node: Node, table: type[Table]) -> Table:
+    """Return the parameters of the node as a value of `table`. Raises ValueError when they are at odds."""
+    return table(**{row.name: node.get_parameter(row.name).value for row in parameters(table)})
+
+
+def changed(current: Table, values: Mapping[str, Value | None]) -> Table:
+    """Return `current` with those of `values` that belong to it; all or nothing.
+
+    Raises
+    ------
+    ValueError
+        With the reason, when one is wrong, fixed after the start, or at odds with another.
+    """
+    rows = {row.name: row for row in parameters(type(current))}
+    new: dict[str, Any] = {}
+    for name, value in values.items():
+        row = rows.get(name)
+        if row is None:
+            continue
+        value = row.check(value)
+        if not row.runtime and value != getattr(current, name):
+            raise ValueError(f"{name} is fixed after the start; set it in the parameter file or on the command line")
+        new[name] = value
+    return dataclasses.replace(current, **new) if new else current  # type: ignore[type-var]

@@ -1,0 +1,158 @@
+"""From counters to plain words: what is wrong with the streams, where, and what cures it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from .health import Health, StreamHealth
+from .pairing import COLOR, DEPTH
+from .session import CAMERA
+
+NAMES = {COLOR: "colour", DEPTH: "depth", CAMERA: "camera_info"}
+
+
+class Level(IntEnum):
+    """Levels of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True, slots=True)
+class InputFacts:
+    """What the graph says about one input."""
+
+    topic: str
+    """Resolved name."""
+    wanted: bool = True
+    """False where the settings do without this stream."""
+    publishers: int = 0
+    qos_clash: str = ""
+    """Name of the policy that keeps a publisher from us, or ""."""
+
+
+@dataclass(frozen=True, slots=True)
+class NodeFacts:
+    """What the node knows beside the counters."""
+
+    inputs: Mapping[str, InputFacts]
+    state: str = "running"
+    """running, warming up, waiting for /clock, or idle (no listener)."""
+    listening_s: float = 0.0
+    """Time since the inputs were subscribed."""
+    no_data_timeout_s: float = 5.0
+    max_stamp_gap_s: float = 0.02
+    profile: str = "config/fastdds.xml"
+    """Path of the DDS profile that cures lost images."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One line of /diagnostics."""
+
+    name: str
+    level: Level
+    message: str
+    values: Mapping[str, str] = field(default_factory=dict)
+    logged: bool = False
+    """True where the log has said it already, when it happened."""
+
+
+def diagnose(health: Health, before: Health, facts: NodeFacts) -> list[Finding]:
+    """Return the state of every input and of the estimates; `before` is the snapshot of the last call."""
+    findings = [_input(s, health.streams[s], before.streams[s], facts) for s in facts.inputs]
+    return [*findings, _estimates(health, before, facts)]
+
+
+def _input(stream: str, now: StreamHealth, before: StreamHealth, facts: NodeFacts) -> Finding:
+    level, message = _input_state(stream, now, before, facts)
+    logged = "messages refused" in message
+    values = {
+        "topic": facts.inputs[stream].topic,
+        "publishers": str(facts.inputs[stream].publishers),
+        "rate_hz": f"{now.rate_hz:.1f}",
+        "silence_s": f"{now.silence_s:.1f}",
+        "received": str(now.received),
+        "paired": str(now.paired),
+        "superseded": str(now.superseded),
+        "waiting": str(now.waiting),
+        "lost": str(now.lost),
+        **{f"refused: {reason}": str(n) for reason, n in sorted(now.refused.items())},
+    }
+    return Finding(f"input {NAMES[stream]}", level, message, values, logged)
+
+
+def _input_state(stream: str, now: StreamHealth, before: StreamHealth, facts: NodeFacts) -> tuple[Level, str]:
+    name, graph = NAMES[stream], facts.inputs[stream]
+    if not graph.wanted:
+        return Level.OK, f"{name} is not used (parameter)"
+    if facts.state != "running":
+        return Level.OK, facts.state
+    if graph.qos_clash:
+        return Level.ERROR, f"no {name}: a publisher of {graph.topic} has another QoS policy {graph.qos_clash}"
+    refused = sum(now.refused.values()) - sum(before.refused.values())
+    if refused and now.last_refusal:
+        return Level.ERROR, f"{refused} of {now.received - before.received} messages refused: {now.last_refusal}"
+    silence = min(now.silence_s, facts.listening_s)
+    if silence > facts.no_data_timeout_s and not (stream == CAMERA and now.paired):
+        seen = "nobody publishes it" if graph.publishers == 0 else f"{graph.publishers} publisher(s) seen"
+        return Level.ERROR, f"no {name} for {silence:.0f} s on {graph.topic}; {seen}"
+    if now.lost > before.lost:
+        return Level.WARN, (
+            f"{now.lost - before.lost} {name} messages lost on the way; start the publisher with "
+            f"FASTRTPS_DEFAULT_PROFILES_FILE={facts.profile} (larger shared memory)"
+        )
+    if graph.publishers > 1:
+        return Level.WARN, f"{graph.publishers} publishers on {graph.topic}; there should be one"
+    return Level.OK, f"{name} at {now.rate_hz:.1f} Hz"
+
+
+def _estimates(health: Health, before: Health, facts: NodeFacts) -> Finding:
+    level, message = _estimates_state(health, before, facts)
+    logged = "frames dropped" in message
+    values = {
+        "rate_hz": f"{health.rate_hz:.1f}",
+        "pairs": str(health.made),
+        "published": str(health.published),
+        "in_flight": str(health.in_flight),
+        **{f"no estimate: {status}": str(n) for status, n in sorted(health.no_estimate.items())},
+        **{f"dropped: {reason}": str(n) for reason, n in sorted(health.dropped.items())},
+        "resets": str(health.resets),
+        "latency_p50_ms": f"{health.latency_p50_ms:.1f}",
+        "latency_p99_ms": f"{health.latency_p99_ms:.1f}",
+        "age_p50_ms": f"{health.age_p50_ms:.1f}",
+        "age_p99_ms": f"{health.age_p99_ms:.1f}",
+        **{f"stage_ms: {stage}": f"{ms:.2f}" for stage, ms in health.stages_ms.items()},
+    }
+    return Finding("estimates", level, message, values, logged)
+
+
+_HARMLESS = ("newer frame", "reset", "shutdown")
+
+
+def _estimates_state(health: Health, before: Health, facts: NodeFacts) -> tuple[Level, str]:
+    if facts.state != "running":
+        return Level.OK, facts.state
+    bad = {r: n - before.dropped.get(r, 0) for r, n in health.dropped.items() if r not in _HARMLESS}
+    if any(bad.values()):
+        return Level.ERROR, f"{sum(bad.values())} frames dropped: {health.last_drop}"
+    published = health.published - before.published
+    empty = {s: n - before.no_estimate.get(s, 0) for s, n in health.no_estimate.items()}
+    if any(empty.values()):
+        status = max(empty, key=lambda s: empty[s])
+        return Level.WARN, f"{sum(empty.values())} frames without an estimate ({status}), {published} with"
+    if published:
+        return Level.OK, f"{health.rate_hz:.1f} estimates per second, {health.latency_p50_ms:.0f} ms each"
+    color, depth = health.streams.get(COLOR), health.streams.get(DEPTH)
+    used = all(s not in facts.inputs or facts.inputs[s].wanted for s in (COLOR, DEPTH))
+    silence = min(health.silence_s, facts.listening_s)
+    if used and color and depth and color.rate_hz and depth.rate_hz and silence > facts.no_data_timeout_s:
+        return Level.ERROR, (
+            f"colour and depth arrive but do not pair; their stamps must differ by at most max_stamp_gap = "
+            f"{facts.max_stamp_gap_s * 1e3:.0f} ms"
+        )
+    return Level.OK, "waiting for frames"

@@ -1,0 +1,143 @@
+"""What became of every message and every pair, how fast, how old: counted live, read as one frozen value."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from .pairing import StreamCount
+
+_WINDOW = 256
+"""Frames over which latencies are summed up: 8 s at 30 Hz."""
+_RATE_WINDOW_NS = 5_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class StreamHealth:
+    """One input: received = paired + superseded + sum(refused) + waiting."""
+
+    received: int = 0
+    paired: int = 0
+    superseded: int = 0
+    refused: Mapping[str, int] = field(default_factory=dict)
+    waiting: int = 0
+    lost: int = 0
+    """Messages that the middleware says it lost before they came here."""
+    rate_hz: float = 0.0
+    silence_s: float = float("inf")
+    """Time since the last message; inf before the first."""
+    last_refusal: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """Snapshot: made = published + sum(no_estimate) + sum(dropped) + in_flight."""
+
+    streams: Mapping[str, StreamHealth]
+    made: int = 0
+    published: int = 0
+    no_estimate: Mapping[str, int] = field(default_factory=dict)
+    dropped: Mapping[str, int] = field(default_factory=dict)
+    in_flight: int = 0
+    resets: int = 0
+    rate_hz: float = 0.0
+    silence_s: float = float("inf")
+    latency_p50_ms: float = float("nan")
+    """From the arrival of the second image of the pair to the end of publishing."""
+    latency_p99_ms: float = float("nan")
+    age_p50_ms: float = float("nan")
+    """From the stamp of the frame to the end of publishing, on the node's clock."""
+    age_p99_ms: float = float("nan")
+    last_drop: str = ""
+    stages_ms: Mapping[str, float] = field(default_factory=dict)
+    """Median time per stage of the estimator."""
+
+
+class Rate:
+    """Events per second over the last five seconds."""
+
+    def __init__(self) -> None:
+        self._times: deque[int] = deque(maxlen=_WINDOW)
+
+    def tick(self, now_ns: int) -> None:
+        """Note an event."""
+        self._times.append(now_ns)
+
+    def hz(self, now_ns: int) -> float:
+        """Return the rate; 0 when nothing came for five seconds."""
+        recent = [t for t in self._times if now_ns - t <= _RATE_WINDOW_NS]
+        if len(recent) < 2 or recent[-1] == recent[0]:
+            return 0.0
+        return (len(recent) - 1) * 1e9 / (recent[-1] - recent[0])
+
+    def silence_s(self, now_ns: int) -> float:
+        """Return the time since the last event; inf before the first."""
+        return (now_ns - self._times[-1]) * 1e-9 if self._times else float("inf")
+
+
+@dataclass(slots=True)
+class PairCount:
+    """Live counters of the pairs. Not thread-safe: the caller holds a lock."""
+
+    made: int = 0
+    published: int = 0
+    no_estimate: Counter[str] = field(default_factory=Counter)
+    dropped: Counter[str] = field(default_factory=Counter)
+    resets: int = 0
+    last_drop: str = ""
+    rate: Rate = field(default_factory=Rate)
+    latencies_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_WINDOW))
+    ages_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_WINDOW))
+    stages_ms: deque[Mapping[str, float]] = field(default_factory=lambda: deque(maxlen=_WINDOW))
+
+    @property
+    def in_flight(self) -> int:
+        """Pairs whose end is not known yet."""
+        return self.made - self.published - self.no_estimate.total() - self.dropped.total()
+
+    def snapshot(self, streams: Mapping[str, StreamHealth], now_ns: int) -> Health:
+        """Return the counters as a value."""
+        return Health(
+            streams=streams,
+            made=self.made,
+            published=self.published,
+            no_estimate=dict(self.no_estimate),
+            dropped=dict(self.dropped),
+            in_flight=self.in_flight,
+            resets=self.resets,
+            rate_hz=self.rate.hz(now_ns),
+            silence_s=self.rate.silence_s(now_ns),
+            latency_p50_ms=quantile(self.latencies_ms, 0.5),
+            latency_p99_ms=quantile(self.latencies_ms, 0.99),
+            age_p50_ms=quantile(self.ages_ms, 0.5),
+            age_p99_ms=quantile(self.ages_ms, 0.99),
+            last_drop=self.last_drop,
+            stages_ms=_medians(self.stages_ms),
+        )
+
+
+def stream_snapshot(count: StreamCount, rate: Rate, lost: int, last_refusal: str, now_ns: int) -> StreamHealth:
+    """Return the counters of a stream as a value."""
+    return StreamHealth(
+        received=count.received,
+        paired=count.paired,
+        superseded=count.superseded,
+        refused=dict(count.refused),
+        waiting=count.waiting,
+        lost=lost,
+        rate_hz=rate.hz(now_ns),
+        silence_s=rate.silence_s(now_ns),
+        last_refusal=last_refusal,
+    )
+
+
+def quantile(values: deque[float], share: float) -> float:
+    """Return the nearest-rank quantile; NaN of nothing."""
+    ordered = sorted(values)
+    return ordered[min(int(share * len(ordered)), len(ordered) - 1)] if ordered else float("nan")
+
+
+def _medians(frames: deque[Mapping[str, float]]) -> dict[str, float]:
+    stages = {stage for frame in frames for stage in frame}
+    return {s: quantile(deque(f[s] for f in frames if s in f), 0.5) for s in sorted(stages)}

@@ -1,0 +1,255 @@
+"""A running estimator: streams in, estimates out, every message and every pair accounted for. Knows no ROS."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from room_layout_ros.core.estimate import RoomEstimate, Status
+from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.core.tracking import TemporalPrior, next_prior
+
+from .camera_history import CameraHistory
+from .health import Health, PairCount, Rate, stream_snapshot
+from .live_loop import LiveLoop
+from .pairing import COLOR, DEPTH, Pair, PairingRules, StreamCount, StreamPairing
+
+CAMERA = "camera_info"
+STREAMS = (COLOR, DEPTH, CAMERA)
+
+
+class RefusedError(ValueError):
+    """A message or pair that cannot be used: `reason` is what it is counted under, the text says what is wrong."""
+
+    def __init__(self, reason: str, sentence: str) -> None:
+        super().__init__(sentence)
+        self.reason = reason
+
+
+class Stages(Protocol):
+    """What the session calls, in this order, from its worker thread. One call of each per frame."""
+
+    def assemble(self, pair: Pair[Any], camera: Any) -> RgbdFrame:
+        """Decode a pair. Raises RefusedError or ValueError when it is no frame."""
+        ...
+
+    def warm_up(self) -> None:
+        """Compile and load everything; called once, before the first frame."""
+
+    def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None) -> RoomEstimate:
+        """Estimate the room."""
+        ...
+
+    def publish(self, frame: RgbdFrame, estimate: RoomEstimate) -> None:
+        """Send the results."""
+
+    def complain(self, cause: str, sentence: str) -> None:
+        """Log (at most one line per second and cause)."""
+
+    def now_ns(self) -> int:
+        """Time on the clock of the stamps."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class SessionRules:
+    """Settings of the session."""
+
+    pairing: PairingRules = field(default_factory=PairingRules)
+    warm_start: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    pair: Pair[Any]
+    arrival_ns: int
+    epoch: int
+
+
+class EstimatorSession:
+    """Takes messages from any thread, works in one of its own.
+
+    Parameters
+    ----------
+    stages : Stages
+    rules : SessionRules
+    clock : callable
+        Monotonic nanoseconds.
+    """
+
+    def __init__(
+        self, stages: Stages, rules: SessionRules | None = None, clock: Callable[[], int] = time.monotonic_ns
+    ) -> None:
+        self._stages, self._clock = stages, clock
+        self._rules = rules or SessionRules()
+        self._lock = threading.Lock()
+        self._pairing: StreamPairing[Any] = StreamPairing(self._rules.pairing)
+        self._cameras: CameraHistory[Any] = CameraHistory()
+        self._camera_count = StreamCount()
+        self._pairs = PairCount()
+        self._rates = {stream: Rate() for stream in STREAMS}
+        self._lost: Counter[str] = Counter()
+        self._last_refusal = dict.fromkeys(STREAMS, "")
+        self._epoch = 0
+        self._prior: TemporalPrior | None = None
+        self._prior_epoch = 0
+        self._origin: tuple[object, str] | None = None
+        self._loop: LiveLoop[_Job] = LiveLoop(self._warm_up, self._work, self._dropped)
+
+    @property
+    def ready(self) -> bool:
+        """True after the warm-up."""
+        return self._loop.ready.is_set()
+
+    def configure(self, rules: SessionRules) -> None:
+        """Change the settings; they hold from the next message and frame on."""
+        with self._lock:
+            self._rules = rules
+            self._pairing.configure(rules.pairing)
+
+    def add_image(self, stream: str, stamp_ns: int, item: object) -> None:
+        """Take a checked image of COLOR or DEPTH."""
+        now = self._clock()
+        with self._lock:
+            self._rates[stream].tick(now)
+            refused = self._pairing.counts[stream].refused.total()
+            pair = self._pairing.add(stream, stamp_ns, item)
+            if self._pairing.counts[stream].refused.total() > refused:
+                self._last_refusal[stream] = f"{stream} stamp {stamp_ns * 1e-9:.3f} s is a duplicate, late or not valid"
+            if pair is None:
+                return
+            self._pairs.made += 1
+            if pair.reset:
+                self._restart()
+            job = _Job(pair, now, self._epoch)
+        if pair.reset:
+            self._stages.complain("jump of the clock", "stamps jumped; everything known from before is forgotten")
+        self._loop.submit(job)
+
+    def add_camera(self, stamp_ns: int, camera: object) -> bool:
+        """Take a checked camera (stamp 0: none); return True if it differs from the last one."""
+        with self._lock:
+            self._rates[CAMERA].tick(self._clock())
+            self._camera_count.received += 1
+            self._camera_count.paired += 1
+            return self._cameras.add(stamp_ns, camera)
+
+    def refuse(self, stream: str, reason: str, sentence: str) -> None:
+        """Count a message that could not be used and say why."""
+        with self._lock:
+            self._rates[stream].tick(self._clock())
+            self._last_refusal[stream] = sentence
+            if stream == CAMERA:
+                self._camera_count.received += 1
+                self._camera_count.refused[reason] += 1
+            else:
+                self._pairing.refuse(stream, reason)
+        self._stages.complain(f"{stream}: {reason}", sentence)
+
+    def count_lost(self, stream: str, number: int) -> None:
+        """Count messages that the middleware lost."""
+        with self._lock:
+            self._lost[stream] += number
+
+    def reset(self) -> None:
+        """Forget all that came before; what waits is dropped. The newest camera stays."""
+        with self._lock:
+            self._pairing.reset()
+            self._restart()
+        self._loop.discard("reset")
+
+    def health(self) -> Health:
+        """Return all counters as one consistent value."""
+        with self._lock:
+            now = self._clock()
+            counts = {**self._pairing.counts, CAMERA: self._camera_count}
+            streams = {
+                s: stream_snapshot(counts[s], self._rates[s], self._lost[s], self._last_refusal[s], now)
+                for s in STREAMS
+            }
+            return self._pairs.snapshot(streams, now)
+
+    def close(self, timeout_s: float = 1.0) -> bool:
+        """End the worker; False if it is still busy after `timeout_s`."""
+        return self._loop.close(timeout_s)
+
+    def _restart(self) -> None:
+        self._epoch += 1
+        self._pairs.resets += 1
+        self._cameras.reset()
+
+    def _dropped(self, job: _Job, reason: str, sentence: str = "") -> None:
+        with self._lock:
+            self._pairs.dropped[reason] += 1
+            if sentence:
+                self._pairs.last_drop = sentence
+        if sentence:
+            self._stages.complain(reason, sentence)
+
+    def _warm_up(self) -> None:
+        try:
+            self._stages.warm_up()
+        except Exception as error:  # noqa: BLE001
+            self._stages.complain("warm-up", f"warm-up failed ({type(error).__name__}: {error}); expect a slow start")
+
+    def _work(self, job: _Job) -> None:
+        """Bring one pair to its end, whatever happens: this is the guarded edge of the worker thread."""
+        try:
+            frame, estimate = self._process(job)
+        except RefusedError as refused:
+            self._dropped(job, refused.reason, str(refused))
+        except Exception as error:  # noqa: BLE001
+            self._prior = None
+            self._dropped(job, "error", f"{type(error).__name__} in the estimator: {error}; this frame is lost")
+        else:
+            self._finish(job, frame, estimate)
+
+    def _process(self, job: _Job) -> tuple[RgbdFrame, RoomEstimate]:
+        with self._lock:
+            camera, rules = self._cameras.at(job.pair.stamp_ns), self._rules
+        if camera is None:
+            raise RefusedError("no camera_info", "no camera_info has come yet; images cannot be used without it")
+        try:
+            frame = self._stages.assemble(job.pair, camera)
+        except RefusedError:
+            raise
+        except ValueError as error:
+            raise RefusedError("bad pair", str(error)) from error
+        self._follow_origin(frame)
+        prior = self._prior if rules.warm_start and self._prior_epoch == job.epoch else None
+        estimate = self._stages.estimate(frame, prior)
+        self._prior, self._prior_epoch = next_prior(estimate), job.epoch
+        if estimate.cuboid is not None:
+            self._stages.publish(frame, estimate)
+        return frame, estimate
+
+    def _follow_origin(self, frame: RgbdFrame) -> None:
+        """Another camera or frame id is another scene: what was known of the old one does not hold."""
+        before, self._origin = self._origin, (frame.camera, frame.frame_id)
+        if before is None or before == self._origin:
+            return
+        self._prior = None
+        with self._lock:
+            self._pairs.resets += 1
+        if before[1] != frame.frame_id:
+            names = f"from {before[1][:40]!r} to {frame.frame_id[:40]!r}"
+            self._stages.complain("frame_id", f"frame_id changed {names}; starting afresh")
+
+    def _finish(self, job: _Job, frame: RgbdFrame, estimate: RoomEstimate) -> None:
+        age_ms = (self._stages.now_ns() - frame.stamp_ns) * 1e-6
+        with self._lock:
+            now, pairs = self._clock(), self._pairs
+            if estimate.cuboid is not None:
+                pairs.published += 1
+                pairs.rate.tick(now)
+            else:
+                pairs.no_estimate[estimate.status.value] += 1
+                if estimate.status is Status.OK:
+                    pairs.last_drop = "estimate has status ok but no room"
+            pairs.latencies_ms.append((now - job.arrival_ns) * 1e-6)
+            pairs.ages_ms.append(age_ms)
+            pairs.stages_ms.append(estimate.timings_ms)

@@ -1,0 +1,31 @@
+"""At most one line per second and cause in the log."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+_MAX_CAUSES = 256
+
+
+class Throttle:
+    """Says whether a cause may be logged now, and how often it was held back since it last was."""
+
+    def __init__(self, period_s: float = 1.0, clock: Callable[[], float] = time.monotonic) -> None:
+        self._period_s, self._clock = period_s, clock
+        self._last: dict[str, tuple[float, int]] = {}
+        self._lock = threading.Lock()
+
+    def due(self, cause: str) -> int | None:
+        """Return the number of times held back if `cause` is due, else None."""
+        now = self._clock()
+        with self._lock:
+            last, held = self._last.get(cause, (float("-inf"), 0))
+            if now - last < self._period_s:
+                self._last[cause] = (last, held + 1)
+                return None
+            if len(self._last) >= _MAX_CAUSES and cause not in self._last:
+                self._last.clear()
+            self._last[cause] = (now, 0)
+            return held
