@@ -3,6 +3,9 @@
 A cell's normal is good to some degrees, a whole wall's to a tenth: cells that agree with an axis are grown into
 connected planes, their summed moments give one least-squares plane each, and the rotation that fits these planes'
 normals best (robustly, weighted by their precision) follows by Gauss-Newton. Repeated, as better axes grow better planes.
+
+Where there is colour, line segments help: the plane through the camera and a segment along an axis contains that axis.
+They carry the precision that a coarse depth image lacks (docs/results.md has the ablation).
 """
 
 from __future__ import annotations
@@ -19,15 +22,26 @@ _MIN_CELLS = 30
 _BEST_SIGMA_RAD = np.deg2rad(0.3)
 """No plane's normal is trusted beyond this: walls are not flat and lenses not perfect."""
 _CAUCHY_RAD = np.deg2rad(1.5)
+_LINE_SIGMA_RAD = np.deg2rad(0.5)
+_LINE_TOLERANCE_RAD = np.deg2rad(3.0)
+_LINE_REFERENCE_PX = 60.0
+"""A segment of this length weighs as one measurement of `_LINE_SIGMA_RAD`."""
 
 
-def refine_on_planes(geometry: DepthGeometry, R: NDArray[np.float64], rounds: int = 3) -> NDArray[np.float64]:
-    """Turn the axes `R` (rows, camera frame) onto the planes that are nearly aligned with them.
+def refine_on_planes(
+    geometry: DepthGeometry,
+    R: NDArray[np.float64],
+    line_normals: NDArray[np.float64] | None = None,
+    line_lengths: NDArray[np.float64] | None = None,
+    rounds: int = 3,
+) -> NDArray[np.float64]:
+    """Turn the axes `R` (rows, camera frame) onto the planes and lines that are nearly aligned with them.
 
     Parameters
     ----------
     geometry : DepthGeometry
     R : (3, 3) float64 rotation, within about 15 degrees of the truth
+    line_normals, line_lengths : (l, 3) unit normals of the segments' interpretation planes, (l,) px; optional
     rounds : int
 
     Returns
@@ -35,15 +49,18 @@ def refine_on_planes(geometry: DepthGeometry, R: NDArray[np.float64], rounds: in
     (3, 3) float64 rotation; `R` itself where no plane is large enough.
     """
     cells = fit_cell_planes(geometry, radius=1)
+    if line_normals is None or line_lengths is None:
+        line_normals, line_lengths = np.empty((0, 3)), np.empty(0)
+    line_weights = line_lengths / _LINE_REFERENCE_PX / _LINE_SIGMA_RAD**2
     rows, cols, _ = geometry.moments.shape
     moments = geometry.moments[cells.cell[:, 0], cells.cell[:, 1]]
     for round_ in range(rounds):
         tolerance = _FIRST_TOLERANCE_RAD if round_ == 0 else _TOLERANCE_RAD
         plane, n_planes = _grow(rows, cols, cells.cell, cells.normal, cells.centroid, cells.sigma, R, tolerance)
         normals, axes, weights = _plane_normals(moments, plane, n_planes, R, _MIN_CELLS)
-        if len(axes) == 0:
+        if len(axes) == 0 and len(line_normals) == 0:
             return R
-        R = _turn(normals, axes, weights, R)
+        R = _turn(normals, axes, weights, line_normals, line_weights, R)
     u, _, vt = np.linalg.svd(R)
     return np.asarray(u @ vt)
 
@@ -94,8 +111,8 @@ def _plane_normals(moments, plane, n_planes, R, min_cells):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def _turn(normals, axes, weights, R):  # type: ignore[no-untyped-def]
-    """Small robust rotation that turns the rows of R onto the normals of their axes (Gauss-Newton, Cauchy weights)."""
+def _turn(normals, axes, weights, line_normals, line_weights, R):  # type: ignore[no-untyped-def]
+    """Small robust rotation of the rows of R onto normals of their axes and into planes of lines (Gauss-Newton, Cauchy)."""
     for _ in range(10):
         A = np.zeros((3, 3))
         g = np.zeros(3)
@@ -103,16 +120,31 @@ def _turn(normals, axes, weights, R):  # type: ignore[no-untyped-def]
         for i in range(len(axes)):
             t = R[axes[i]]
             residual = np.cross(t, normals[i])  # rotation vector that takes the axis to the normal
-            angle2 = (residual**2).sum()
-            w = weights[i] / (1.0 + angle2 / _CAUCHY_RAD**2)
+            w = weights[i] / (1.0 + (residual**2).sum() / _CAUCHY_RAD**2)
             total += weights[i]
+            g += w * residual
             for j in range(3):
-                g[j] += w * residual[j]
                 A[j, j] += w
                 for k in range(3):
                     A[j, k] -= w * t[j] * t[k]  # a normal says nothing about the rotation around itself
+        for i in range(len(line_normals)):
+            axis, miss = -1, _LINE_TOLERANCE_RAD
+            for k in range(3):
+                off = abs((R[k] * line_normals[i]).sum())
+                if off < miss:
+                    axis, miss = k, off
+            if axis < 0:
+                continue
+            signed = (R[axis] * line_normals[i]).sum()
+            gradient = np.cross(R[axis], line_normals[i])  # of signed, by the rotation vector
+            w = line_weights[i] / (1.0 + signed**2 / _LINE_SIGMA_RAD**2)
+            total += w
+            g -= w * signed * gradient
+            for j in range(3):
+                for k in range(3):
+                    A[j, k] += w * gradient[j] * gradient[k]
         for j in range(3):
-            A[j, j] += 1e-3 * total
+            A[j, j] += 1e-3 * total + 1e-9
         step = np.linalg.solve(A, g)
         R = _rotate_rows(R, step)
         if (step**2).sum() < 1e-12:

@@ -16,6 +16,7 @@ from .frame import CameraIntrinsics, RgbdFrame
 from .geometric_labelling import label_by_geometry
 from .labels import N_FACES
 from .layout import RoomCuboid
+from .lines import compute_line_segments
 from .manhattan import ManhattanFrame, estimate_manhattan_frame
 from .superpixels import compute_superpixels
 from .tracking import TemporalPrior
@@ -70,10 +71,11 @@ class LayoutEstimator:
         geometry = run("depth", compute_depth_geometry, frame, config)
         if geometry is None:
             return no_estimate(Status.NO_DEPTH, frame, run)
-        axes = run("axes", estimate_manhattan_frame, geometry, prior.R_room_camera, prior.gravity)
+        color = frame.color if config.use_color else None
+        segments = None if color is None else run("lines", compute_line_segments, color, config)
+        axes = run("axes", estimate_manhattan_frame, geometry, segments, prior.R_room_camera, prior.gravity)
         if axes is None:
             return no_estimate(Status.NO_ROOM, frame, run)
-        color = frame.color if config.use_color else None
         superpixels = run("superpixels", compute_superpixels, color, geometry.inverse_depth, config)
         room = run("layout", lambda: best_layout([search_layout(gather_evidence(geometry, R), R) for R in axes.hypotheses[:4]]))
         cuboid = RoomCuboid(room.R_room_camera, room.distances)

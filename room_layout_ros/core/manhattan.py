@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from .axes_refinement import refine_on_planes
 from .depth import DepthGeometry, fit_cell_planes
+from .lines import LineSegments, segment_planes
 
 _KERNEL_RAD = np.deg2rad(5.0)
 _MIN_NORMALS = 12
@@ -46,14 +47,17 @@ class ManhattanFrame:
 
 def estimate_manhattan_frame(
     geometry: DepthGeometry,
+    segments: LineSegments | None = None,
     prior: NDArray[np.float64] | None = None,
     gravity: NDArray[np.float64] | None = None,
 ) -> ManhattanFrame | None:
-    """Estimate the room's axes from depth.
+    """Estimate the room's axes from depth, and from line segments where there are any.
 
     Parameters
     ----------
     geometry : DepthGeometry
+    segments : LineSegments, optional
+        Of the colour image; they make the axes more precise.
     prior : (3, 3) array, optional
         Axes of the previous frame; used as the only start while they explain the normals (warm start).
     gravity : (3,) array, optional
@@ -72,15 +76,23 @@ def estimate_manhattan_frame(
     starts = _candidates(cells.normal, weight) if prior is None else [prior]
     scored = sorted(((_score(R, cells.normal, weight, _BANDWIDTH), i) for i, R in enumerate(starts)), reverse=True)
     if prior is not None and scored[0][0] < 0.5:
-        return estimate_manhattan_frame(geometry, None, gravity)
+        return estimate_manhattan_frame(geometry, segments, None, gravity)
+    lines, lengths = (None, None) if segments is None else _interpretation(segments, geometry)
     refined: list[tuple[float, NDArray[np.float64]]] = []
     for _, i in scored[:3]:
-        R = refine_on_planes(geometry, starts[i])
+        R = refine_on_planes(geometry, starts[i], lines, lengths)
         if all(angle_between_frames(R, other) > _SAME_FRAME_RAD for _, other in refined):
             refined.append((_score(R, cells.normal, weight, _BANDWIDTH), name_axes(R, gravity)))
     refined.sort(key=lambda item: -item[0])
     hypotheses = [turned for _, R in refined for turned in (R, other_front(R))]
     return ManhattanFrame(refined[0][1], float(refined[0][0]), tuple(hypotheses))
+
+
+def _interpretation(
+    segments: LineSegments, geometry: DepthGeometry
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    normals, _ = segment_planes(segments, geometry.camera)
+    return normals, segments.length_px.astype(np.float64)
 
 
 def name_axes(R: NDArray[np.float64], gravity: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
