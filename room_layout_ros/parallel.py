@@ -29,8 +29,13 @@ class WorkerLostError(RuntimeError):
 class _Pool(Protocol):
     """Where items go; `losses` are the exceptions that mean a worker died, not that the function failed."""
 
-    workers: int
-    losses: tuple[type[BaseException], ...]
+    @property
+    def workers(self) -> int:
+        """How many items are worked on at a time."""
+
+    @property
+    def losses(self) -> tuple[type[BaseException], ...]:
+        """Exceptions that mean a lost worker."""
 
     def submit(self, function: Callable[[Any], Any], item: Any) -> Any:
         """Return a future."""

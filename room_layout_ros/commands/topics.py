@@ -21,6 +21,9 @@ def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SECONDS",
         help="pair colour and depth up to this far apart (default 0.02)",
     )
+    group.add_argument(
+        "--assume-registered", action="store_true", help="depth is registered to colour though their frame ids differ"
+    )
 
 
 def open_with_topics(path: Path, arguments: argparse.Namespace) -> FrameSource:
@@ -28,4 +31,6 @@ def open_with_topics(path: Path, arguments: argparse.Namespace) -> FrameSource:
     options: dict[str, object] = {n: getattr(arguments, n) for n in _OPTIONS if getattr(arguments, n) is not None}
     if arguments.max_stamp_gap is not None:
         options["max_stamp_gap_ns"] = round(arguments.max_stamp_gap * 1e9)
+    if arguments.assume_registered:
+        options["assume_registered"] = True
     return open_source(path, **options)

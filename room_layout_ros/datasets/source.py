@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from .errors import DataError
 from .folder import is_frames_folder, open_folder
@@ -18,14 +19,14 @@ def is_bag(path: Path) -> bool:
     return path.suffix in BAG_SUFFIXES
 
 
-def open_source(path: Path | str, **options: object) -> FrameSource:
+def open_source(path: Path | str, **options: Any) -> FrameSource:
     """Open whatever `path` is: a frames folder, a rosbag2 (sqlite3, mcap), or an NYU v2 .mat.
 
     Parameters
     ----------
     path : path or str
     **options
-        Of bags: see `bag.BagTopics`.
+        Of bags: see `bag.open_bag`.
 
     Raises
     ------
@@ -40,7 +41,7 @@ def open_source(path: Path | str, **options: object) -> FrameSource:
     if is_bag(path):
         from .bag import open_bag
 
-        return open_bag(path, **options)  # type: ignore[arg-type]
+        return open_bag(path, **options)
     if path.suffix == ".mat":
         from .nyu import open_nyu
 

@@ -1,0 +1,69 @@
+"""Make a rosbag2 of a frames folder or an NYU .mat file, or a frames folder of a rosbag2.
+
+Pixels, depth, stamps, names, calibration, poses and truth survive the way there and back. Depth finer than a
+millimetre is kept in bags (32FC1) and rounded in folders; that is said.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from room_layout_ros.commands.progress import progress_bar
+from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
+from room_layout_ros.datasets import FrameSource
+from room_layout_ros.datasets.bag import BagSource
+from room_layout_ros.datasets.convert import Conversion, calibration_of, copy_frames
+from room_layout_ros.datasets.writers import STORAGES, BagWriter, FolderWriter
+
+MAX_NAMED = 5
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `convert`."""
+    parser.add_argument("input", type=Path, metavar="INPUT", help="frames folder, rosbag2 or NYU .mat")
+    parser.add_argument("output", type=Path, metavar="OUTPUT", help="folder to make; must not exist")
+    add_output_arguments(parser, "a folder from a bag, else a bag")
+    add_topic_arguments(parser)
+
+
+def add_output_arguments(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add the options that say what is written."""
+    parser.add_argument("--to", choices=("bag", "folder"), help=f"what to write (default: {default})")
+    parser.add_argument("--storage", choices=STORAGES, default="mcap", help="of a bag (default mcap)")
+    parser.add_argument(
+        "--jpeg", type=int, metavar="QUALITY", help="colour of a folder as JPEG, 1 to 100 (default: PNG)"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Convert the input."""
+    source = open_with_topics(arguments.input, arguments)
+    done = write_frames(source, arguments, "folder" if isinstance(source, BagSource) else "bag", arguments.output)
+    return report(done, source, arguments.output)
+
+
+def write_frames(source: FrameSource, arguments: argparse.Namespace, default: str, output: Path) -> Conversion:
+    """Write all frames of a source as the options say."""
+    calibration = calibration_of(source)
+    writer: BagWriter | FolderWriter
+    if (arguments.to or default) == "bag":
+        writer = BagWriter(output, calibration, arguments.storage)
+    else:
+        writer = FolderWriter(output, calibration, arguments.jpeg)
+    with progress_bar("write", source.length) as progress:
+        done = copy_frames(source, writer, progress)
+    if isinstance(writer, FolderWriter) and writer.rounded:
+        print(f"depth of {writer.rounded} frames was finer than a millimetre and is rounded", file=sys.stderr)
+    return done
+
+
+def report(done: Conversion, source: FrameSource, output: Path) -> int:
+    """Say what was written and what was left out."""
+    for bad in done.bad[:MAX_NAMED]:
+        print(f"left out {bad.name}: {bad.error}", file=sys.stderr)
+    if len(done.bad) > MAX_NAMED:
+        print(f"left out {len(done.bad) - MAX_NAMED} more", file=sys.stderr)
+    print(f"{source.title}: {done.written} frames written to {output}", file=sys.stderr)
+    return 0

@@ -1,0 +1,275 @@
+"""Frames out of a rosbag2 (sqlite3 or mcap), through rosbags: no ROS installation needed."""
+
+from __future__ import annotations
+
+import json
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.core.labels import N_FACES
+
+from . import bag_messages as messages
+from .bag_topics import CLASSES_TOPIC, LAYOUT_TOPIC, POSE_TOPIC, TRUTH_TYPES, BagTopics, choose_topics
+from .calibration import CameraCalibration
+from .errors import DataError
+from .sample import MAX_NYU40, BadFrame, FrameTruth, Sample
+
+if TYPE_CHECKING:
+    from rosbags.rosbag2 import Reader
+
+NAMES_KEY = "room_layout_names"
+"""Entry of the bag's custom data that keeps the names of the frames: JSON, stamp to name."""
+
+MAX_WAITING = 60
+"""Images of one stream that wait for their partner: two seconds at 30 Hz."""
+
+
+@contextmanager
+def open_reader(path: Path) -> Iterator[Reader]:
+    """Open a rosbag2, whatever is wrong with it ends as one sentence.
+
+    Raises
+    ------
+    DataError
+        When it is damaged, cut, or has no metadata and not exactly one storage file.
+    """
+    messages.need_rosbags()
+    from rosbags.rosbag2 import Reader
+
+    target = _target(path)
+    reader = Reader(target)
+    try:
+        reader.open()
+    except Exception as error:  # noqa: BLE001 - a cut file makes sqlite3, struct, yaml and assertion errors too
+        raise DataError(f"{path} cannot be opened as a rosbag2: {_reason(error)}") from None
+    try:
+        yield reader
+    finally:
+        reader.close()
+
+
+def _target(path: Path) -> Path:
+    if not path.exists():
+        raise DataError(f"{path} does not exist; a rosbag2 folder or its .db3 or .mcap file is needed")
+    if path.is_file() or (path / "metadata.yaml").exists():
+        return path
+    files = [p for p in path.iterdir() if p.suffix in (".db3", ".mcap")]
+    if len(files) != 1:
+        raise DataError(f"{path} has no metadata.yaml and {len(files)} storage files; run: ros2 bag reindex {path}")
+    return files[0]
+
+
+def _reason(error: Exception) -> str:
+    return " ".join(str(error).split())[:160] or type(error).__name__
+
+
+def raw_messages(reader: Reader, topics: set[str], path: Path) -> Iterator[tuple[Any, int, bytes]]:
+    """Yield (connection, log time, CDR) of some topics in the order of time.
+
+    Raises
+    ------
+    DataError
+        When the bag is cut or damaged on the way.
+    """
+    connections = [c for c in reader.connections if c.topic in topics]
+    count = 0
+    try:
+        for item in reader.messages(connections):
+            yield item
+            count += 1
+    except GeneratorExit:
+        raise
+    except Exception as error:  # noqa: BLE001 - as above
+        raise DataError(f"{path} is damaged after {count} messages: {_reason(error)}") from None
+
+
+@dataclass(frozen=True, slots=True)
+class BagSource:
+    """A rosbag2 as a source of frames: colour and depth paired by stamp, exactly, else within a gap."""
+
+    path: Path
+    topics: BagTopics
+    types: dict[str, str]
+    count: int
+    names: dict[int, str]
+    max_stamp_gap_ns: int
+    assume_registered: bool = False
+
+    @property
+    def title(self) -> str:
+        """What it is, for people."""
+        return f"bag {self.path}"
+
+    @property
+    def length(self) -> int:
+        """Number of frames: images of the depth topic, or of the colour topic where there is no depth."""
+        return self.count
+
+    def __iter__(self) -> Iterator[Sample | BadFrame]:
+        """Yield a frame, or an error value, for each depth image (colour image where there is no depth)."""
+        wanted = {
+            *self.topics.images,
+            self.topics.info,
+            *(t for t in TRUTH_TYPES if self.types.get(t) == TRUTH_TYPES[t]),
+        }
+        with open_reader(self.path) as reader:
+            assembly = _Assembly(self, self._calibration(reader))
+            for _, group in groupby(raw_messages(reader, wanted, self.path), key=lambda item: item[1]):
+                for connection, _time, raw in group:
+                    assembly.add(connection.topic, raw)
+                yield from assembly.ready(end=False)
+            yield from assembly.ready(end=True)
+
+    def first_calibration(self) -> CameraCalibration:
+        """Return the first calibration in the bag."""
+        with open_reader(self.path) as reader:
+            return self._calibration(reader)
+
+    def _calibration(self, reader: Reader) -> CameraCalibration:
+        for connection, _, raw in raw_messages(reader, {self.topics.info}, self.path):
+            return messages.decode_calibration(messages.decode(raw, connection.msgtype))
+        raise DataError(f"{self.path} has no message on {self.topics.info}; the camera is unknown")
+
+
+@dataclass(slots=True)
+class _Assembly:
+    """Messages waiting to become frames; bounded."""
+
+    source: BagSource
+    calibration: CameraCalibration
+    leaders: OrderedDict[int, Any] = field(default_factory=OrderedDict)
+    colors: OrderedDict[int, Any] = field(default_factory=OrderedDict)
+    truths: dict[str, OrderedDict[int, Any]] = field(default_factory=lambda: {t: OrderedDict() for t in TRUTH_TYPES})
+    errors: list[str] = field(default_factory=list)
+    emitted: int = 0
+
+    def add(self, topic: str, raw: bytes) -> None:
+        topics = self.source.topics
+        try:
+            message = messages.decode(raw, self.source.types[topic])
+        except DataError as error:
+            if topic in topics.images:
+                self.errors.append(f"{topic}: {error}")
+            return
+        if topic == topics.info:
+            self.calibration = messages.decode_calibration(message)
+            return
+        if topic in self.truths:
+            store = self.truths[topic]
+        else:
+            store = self.leaders if topic == (topics.depth or topics.color) else self.colors
+        store[messages.stamp_of(message)] = (message, self.calibration)
+        while len(store) > MAX_WAITING and store is not self.leaders:
+            store.popitem(last=False)
+
+    def ready(self, end: bool) -> Iterator[Sample | BadFrame]:
+        """Yield every frame whose partner has come, or can come no more."""
+        for error in self.errors:
+            yield BadFrame(self._name(-1), error)
+            self.emitted += 1
+        self.errors.clear()
+        while self.leaders:
+            stamp_ns, (leader, calibration) = next(iter(self.leaders.items()))
+            partner = self._partner(stamp_ns)
+            if partner != stamp_ns and not end and self._may_still_come(stamp_ns):
+                return
+            self.leaders.popitem(last=False)
+            yield self._frame(stamp_ns, leader, calibration, partner)
+            self.emitted += 1
+
+    def _may_still_come(self, stamp_ns: int) -> bool:
+        """Whether a colour image nearer to this stamp than those seen may follow."""
+        topics, newest = self.source.topics, next(reversed(self.colors), None)
+        paired = bool(topics.color and topics.depth)
+        past = newest is not None and newest >= stamp_ns + self.source.max_stamp_gap_ns
+        return paired and not past and len(self.leaders) <= MAX_WAITING
+
+    def _partner(self, stamp_ns: int) -> int | None:
+        if stamp_ns in self.colors:
+            return stamp_ns
+        near = [s for s in self.colors if abs(s - stamp_ns) <= self.source.max_stamp_gap_ns]
+        return min(near, key=lambda s: abs(s - stamp_ns), default=None)
+
+    def _name(self, stamp_ns: int) -> str:
+        return self.source.names.get(stamp_ns, f"{self.emitted:06d}")
+
+    def _frame(self, stamp_ns: int, leader: Any, calibration: Any, partner: int | None) -> Sample | BadFrame:
+        name = self._name(stamp_ns)
+        try:
+            return self._sample(name, stamp_ns, leader, calibration, partner)
+        except ValueError as error:
+            return BadFrame(name, str(error), stamp_ns)
+
+    def _sample(self, name: str, stamp_ns: int, leader: Any, calibration: Any, partner: int | None) -> Sample:
+        topics = self.source.topics
+        color_message, depth_message = (leader, None) if topics.depth is None else (None, leader)
+        if topics.color and topics.depth:
+            if partner is None:
+                gap_ms = self.source.max_stamp_gap_ns / 1e6
+                raise DataError(f"no colour image within {gap_ms:g} ms of this depth image")
+            color_message = self.colors[partner][0]
+            self._check_registered(color_message, depth_message)
+        color = None if color_message is None else messages.decode_color(color_message)
+        depth_m = None if depth_message is None else messages.decode_depth(depth_message)
+        frame = RgbdFrame(calibration.intrinsics, color, depth_m, stamp_ns, str(leader.header.frame_id), name)
+        layout = self._truth(LAYOUT_TOPIC, stamp_ns, lambda m: messages.decode_index(m, N_FACES))
+        labels40 = self._truth(CLASSES_TOPIC, stamp_ns, lambda m: messages.decode_index(m, MAX_NYU40))
+        truth = None if layout is None and labels40 is None else FrameTruth(layout, labels40)
+        return Sample(frame, truth, self._truth(POSE_TOPIC, stamp_ns, messages.decode_pose))
+
+    def _check_registered(self, color: Any, depth: Any) -> None:
+        frames = str(color.header.frame_id), str(depth.header.frame_id)
+        if frames[0] != frames[1] and not self.source.assume_registered:
+            raise DataError(
+                f"depth is in frame {frames[1]!r}, colour in {frames[0]!r}; register it, or say --assume-registered"
+            )
+
+    def _truth(self, topic: str, stamp_ns: int, read: Callable[[Any], Any]) -> Any:
+        item = self.truths[topic].pop(stamp_ns, None)
+        return None if item is None else read(item[0])
+
+
+def open_bag(
+    path: Path, max_stamp_gap_ns: int = 20_000_000, assume_registered: bool = False, **topics: str
+) -> BagSource:
+    """Open a rosbag2 as a source of frames.
+
+    Parameters
+    ----------
+    max_stamp_gap_ns : int
+        Colour and depth pair when their stamps are equal, else up to this far apart.
+    assume_registered : bool
+        Believe that depth is registered to colour although their frame ids differ.
+    **topics
+        color_topic, depth_topic, color_info_topic, depth_info_topic: see `choose_topics`.
+
+    Raises
+    ------
+    DataError
+        When the bag is damaged or its topics cannot be told.
+    """
+    with open_reader(path) as reader:
+        types = {c.topic: c.msgtype for c in reader.connections}
+        counts: dict[str, int] = {}
+        for c in reader.connections:
+            counts[c.topic] = counts.get(c.topic, 0) + c.msgcount
+        names = _names(reader)
+    chosen = choose_topics(types, **topics)
+    count = counts[chosen.depth or chosen.color or ""]
+    return BagSource(path, chosen, types, count, names, max_stamp_gap_ns, assume_registered)
+
+
+def _names(reader: Reader) -> dict[int, str]:
+    custom = getattr(reader.storage.metadata, "custom", None) or {}
+    try:
+        entries = json.loads(custom.get(NAMES_KEY, "{}"))
+        # A name becomes a file name: nothing that leaves the folder may pass.
+        return {int(k): str(v) for k, v in entries.items() if v and not set(str(v)) & set("/\\\0") and v[0] != "."}
+    except (ValueError, AttributeError, TypeError):
+        return {}

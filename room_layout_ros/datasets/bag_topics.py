@@ -1,0 +1,106 @@
+"""Which topics of a bag hold colour, depth and calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from .bag_messages import CAMERA_INFO, COMPRESSED, IMAGE, POSE
+from .errors import DataError
+
+COLOR_TOPIC, DEPTH_TOPIC = "/rgb/image_rect_color", "/depth_registered/image_rect"
+COLOR_INFO_TOPIC = "/rgb/camera_info"
+LAYOUT_TOPIC, CLASSES_TOPIC, POSE_TOPIC = "/ground_truth/layout", "/ground_truth/labels40", "/ground_truth/pose"
+
+# In the order of preference. Registered depth comes before depth in its own camera.
+_DEPTH_HINTS = ("depth_registered", "aligned_depth", "depth_to_rgb", "depth")
+_COLOR_HINTS = ("rgb", "color", "colour", "left", "image")
+_FINISH_HINTS = ("image_rect", "image")
+_NEVER = ("ground_truth", "infra", "/ir/", "theora", "confidence", "mask", "label", "overlay", "mono", "right")
+
+
+@dataclass(frozen=True, slots=True)
+class BagTopics:
+    """The topics that make frames; None where the bag has no such stream."""
+
+    color: str | None
+    depth: str | None
+    info: str
+
+    @property
+    def images(self) -> tuple[str, ...]:
+        """The image topics that are there."""
+        return tuple(topic for topic in (self.color, self.depth) if topic)
+
+
+def choose_topics(
+    types: Mapping[str, str],
+    color_topic: str | None = None,
+    depth_topic: str | None = None,
+    color_info_topic: str | None = None,
+    depth_info_topic: str | None = None,
+) -> BagTopics:
+    """Choose the topics by name and type; what the caller names is taken as it is.
+
+    Parameters
+    ----------
+    types : mapping
+        Message type by topic.
+
+    Raises
+    ------
+    DataError
+        When a named topic is not there or of the wrong type, no image is found, or several fit equally well.
+    """
+    images = [t for t, kind in types.items() if kind in (IMAGE, COMPRESSED)]
+    for named in (color_topic, depth_topic):
+        if named and named not in images:
+            raise DataError(f"the bag has no image topic {named}; it has {_listed(images)}")
+    depths = [t for t in images if "depth" in t.lower()]
+    depth = depth_topic or _best("depth", depths, _DEPTH_HINTS)
+    color = color_topic or _best("colour", [t for t in images if t not in depths and t != depth], _COLOR_HINTS)
+    if not color and not depth:
+        raise DataError(f"the bag has no colour or depth images; its topics are {_listed(list(types))}")
+    infos = [t for t, kind in types.items() if kind == CAMERA_INFO]
+    info = (color_info_topic or depth_info_topic) if color else (depth_info_topic or color_info_topic)
+    if info and info not in infos:
+        raise DataError(f"the bag has no camera_info topic {info}; it has {_listed(infos)}")
+    return BagTopics(color, depth, info or _info(color, depth, infos))
+
+
+def _best(what: str, topics: list[str], hints: tuple[str, ...]) -> str | None:
+    topics = [t for t in topics if not any(word in t.lower() for word in _NEVER)]
+
+    def rank(topic: str) -> tuple[int, int, bool]:
+        name = topic.lower()
+        first = next((i for i, hint in enumerate(hints) if hint in name), len(hints))
+        last = next((i for i, hint in enumerate(_FINISH_HINTS) if hint in name), len(_FINISH_HINTS))
+        return first, last, "compressed" in name
+
+    ranked = sorted(topics, key=lambda t: (rank(t), t))
+    if len(ranked) > 1 and rank(ranked[0]) == rank(ranked[1]):
+        option = "color" if what == "colour" else what
+        raise DataError(f"several {what} topics fit: {_listed(ranked)}; choose one with --{option}-topic")
+    return ranked[0] if ranked else None
+
+
+def _info(color: str | None, depth: str | None, infos: list[str]) -> str:
+    """Return the camera_info beside the colour image (depth is registered to it), else beside the depth image."""
+    for topic in (color, depth):
+        namespace = topic or ""
+        while namespace:
+            namespace = namespace.rpartition("/")[0]
+            if f"{namespace}/camera_info" in infos:
+                return f"{namespace}/camera_info"
+    if len(infos) == 1:
+        return infos[0]
+    raise DataError(
+        f"no camera_info belongs to {color or depth}; the bag has {_listed(infos)} (choose with --color-info-topic)"
+    )
+
+
+def _listed(topics: list[str]) -> str:
+    return ", ".join(sorted(topics)) or "none"
+
+
+TRUTH_TYPES = {LAYOUT_TOPIC: IMAGE, CLASSES_TOPIC: IMAGE, POSE_TOPIC: POSE}
