@@ -36,6 +36,7 @@ class JointProblem:
         Of the atoms; an atom lies in one superpixel and all its pixels have one orientation.
     atom_superpixel : (A,) int32.
     atom_feature : (A, 11) float64, per pixel of the atom: orientation map (5, one-hot), geometric context (6).
+    atom_region : (A,) uint8, the true face in learning, else 0.
     label_gc : (K, 6) float64 probabilities of geometric context.
     label_om : (K, 5) float64 share of each superpixel's pixels per orientation.
     label_depth : (K, 12) float64 six cosines and six distances, each in the order of the labels (paper 3.2); 0 without depth.
@@ -50,6 +51,7 @@ class JointProblem:
     counts: CellCounts
     atom_superpixel: NDArray[np.int32]
     atom_feature: NDArray[np.float64]
+    atom_region: NDArray[np.uint8]
     label_gc: NDArray[np.float64]
     label_om: NDArray[np.float64]
     label_depth: NDArray[np.float64]
@@ -65,6 +67,7 @@ class JointProblem:
         expected = {
             "atom_superpixel": (atoms,),
             "atom_feature": (atoms, N_LAYOUT_FEATURES),
+            "atom_region": (atoms,),
             "label_gc": (nodes, N_LABELS),
             "label_om": (nodes, N_FACES),
             "label_depth": (nodes, 12),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .config import EstimatorConfig
+from .depth import DepthGeometry
 from .energies import (
     ExtraCosts,
     JointProblem,
@@ -19,15 +20,19 @@ from .energies import (
     plane_costs,
     superpixel_faces,
 )
+from .frame import CameraIntrinsics
 from .integral_geometry import PairTables, pair_tables
+from .joint_problem import FrameEvidence, build_joint_problem
 from .labelling import Labelling, LabelProblem, solve_labelling
 from .labels import FRONT_WALL, N_FACES
 from .layout import RoomCuboid
 from .layout_search import Layout, RankedLayout, add_unaries, diverse_layouts, layout_energy, min_marginals, search_layout
 from .ray_grid import SIDE_FACE
+from .superpixels import Superpixels
 from .weights import ModelWeights
 
 _TIE = 1e-12
+_NAME_TIE = 1e-3
 _NEAR_STATES = 2
 
 
@@ -59,6 +64,75 @@ class JointSolution:
     def gap(self) -> float:
         """Energy above the lower bound; 0 proves the optimum."""
         return self.energy - self.bound
+
+
+@dataclass(frozen=True, slots=True)
+class JointEstimate:
+    """The best solution over the namings of the axes.
+
+    Attributes
+    ----------
+    hypothesis : index of the evidence it is for. solution : JointSolution. cuboid : the refined room.
+    energies : of every hypothesis tried, in order.
+    """
+
+    hypothesis: int
+    solution: JointSolution
+    cuboid: RoomCuboid
+    energies: tuple[float, ...]
+
+    @property
+    def labels(self) -> NDArray[np.uint8]:
+        """(K,) label ids 1..6 of the superpixels."""
+        return (self.solution.labels + 1).astype(np.uint8)
+
+
+def estimate_joint(
+    camera: CameraIntrinsics,
+    superpixels: Superpixels,
+    hypotheses: tuple[FrameEvidence, ...],
+    geometry: DepthGeometry | None,
+    weights: ModelWeights,
+    config: EstimatorConfig,
+    expired: Callable[[], bool] = lambda: False,
+) -> JointEstimate:
+    """Solve the joint problem under each naming of the axes and keep the one of least energy.
+
+    Parameters
+    ----------
+    camera : CameraIntrinsics
+    superpixels : Superpixels
+    hypotheses : FrameEvidence, best first
+        Evidence under each naming; near ties go to the earlier, so that names do not flicker.
+    geometry : DepthGeometry or None
+        None: without depth; the room then has the front wall at distance 1.
+    weights : ModelWeights
+    config : EstimatorConfig
+    expired : callable
+        True once the deadline has passed. The first hypothesis always gets an answer.
+
+    Raises
+    ------
+    ValueError
+        When there is no hypothesis or an array does not fit.
+    """
+    if not hypotheses:
+        raise ValueError("no hypothesis of the axes is given; at least one is needed")
+    weights = weights.variant(config.joint_variant) if geometry is not None else weights.variant(config.joint_variant).variant("rgb")
+    best: tuple[int, JointProblem, JointSolution] | None = None
+    energies: list[float] = []
+    for index, evidence in enumerate(hypotheses):
+        if best is not None and expired():
+            break
+        problem = build_joint_problem(camera, superpixels, evidence, geometry, config)
+        solution = solve_joint(problem, weights, config, expired)
+        energies.append(solution.energy)
+        if best is None or solution.energy < best[2].energy - _NAME_TIE:
+            best = (index, problem, solution)
+    if best is None:
+        raise AssertionError("no hypothesis was solved")
+    index, problem, solution = best
+    return JointEstimate(index, solution, refine_cuboid(problem, weights, solution), tuple(energies))
 
 
 def solve_joint(

@@ -1,0 +1,202 @@
+"""From the evidence of one frame to the joint problem under one naming of the axes (docs/method.md, section 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .config import EstimatorConfig
+from .depth import DepthGeometry
+from .depth_layout import gather_evidence
+from .depth_profiles import DepthProfiles, compute_depth_profiles
+from .energies import ExtraCosts, JointProblem
+from .frame import CameraIntrinsics
+from .integral_geometry import count_cells
+from .labels import N_FACES, N_LABELS
+from .ray_grid import compute_ray_grid
+from .superpixels import Superpixels
+
+_N_ORIENTATIONS = N_FACES + 1
+_TOLERANCE_M, _SPAN_M = 0.03, 0.30
+"""A superpixel is fully above another when it is this much and more above it."""
+_TOLERANCE_SLOPE, _SPAN_SLOPE = 0.02, 0.20
+"""The same for directions |u|, |v| where nothing is known of depth."""
+_COLOR_SCALE = 10.0
+_PLANE_SCALE = 0.03
+"""Relative difference of depth at which two planes are no longer one."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrameEvidence:
+    """What the earlier stages found under one naming of the axes; what is None is not known.
+
+    Attributes
+    ----------
+    R_room_camera : (3, 3) float64.
+    orientation : (H, W) uint8 orientation map, 0 or face id 1..5.
+    context : (K, 6) probabilities of geometric context, in the order of the labels.
+    depth_cues : (K, 12) six cosines and six distances, each in the order of the labels.
+    """
+
+    R_room_camera: NDArray[np.float64]
+    orientation: NDArray[np.uint8] | None = None
+    context: NDArray[np.float64] | None = None
+    depth_cues: NDArray[np.float64] | None = None
+
+
+def build_joint_problem(
+    camera: CameraIntrinsics,
+    superpixels: Superpixels,
+    evidence: FrameEvidence,
+    geometry: DepthGeometry | None,
+    config: EstimatorConfig,
+    regions: NDArray[np.uint8] | None = None,
+) -> JointProblem:
+    """Collect all terms of the joint energy.
+
+    Parameters
+    ----------
+    camera : CameraIntrinsics
+    superpixels : Superpixels
+    evidence : FrameEvidence
+    geometry : DepthGeometry or None
+        None drops every depth term.
+    config : EstimatorConfig
+        `layout_rays`, `layout_angle_bins`, `layout_pixel_step`, `layout_scales`.
+    regions : (H, W) uint8, 0..5, optional
+        A further division of the atoms, kept as `atom_region`: the true layout, for the loss in learning.
+
+    Raises
+    ------
+    ValueError
+        When an array does not fit the image or the superpixels.
+    """
+    K = superpixels.count
+    atoms, per_superpixel = superpixels.index, 1
+    for image in (evidence.orientation, regions):
+        if image is not None:
+            if image.shape != atoms.shape or image.dtype != np.uint8:
+                raise ValueError(f"evidence image is {image.dtype} {image.shape}; uint8 {atoms.shape} is needed")
+            atoms = atoms * np.int32(_N_ORIENTATIONS) + image
+            per_superpixel *= _N_ORIENTATIONS
+    number = np.arange(K * per_superpixel)
+    region = (number % _N_ORIENTATIONS if regions is not None else np.zeros_like(number)).astype(np.uint8)
+    of_orientation = number // _N_ORIENTATIONS if regions is not None else number
+    orientation = of_orientation % _N_ORIENTATIONS if evidence.orientation is not None else np.zeros_like(number)
+    atom_superpixel = (number // per_superpixel).astype(np.int32)
+
+    R = evidence.R_room_camera
+    grid = compute_ray_grid(camera, R, config.layout_rays, config.layout_angle_bins)
+    counts = count_cells(grid, atoms, len(number), config.layout_pixel_step)
+    context = np.full((K, N_LABELS), 1.0 / N_LABELS) if evidence.context is None else np.asarray(evidence.context, np.float64)
+    orientation_map = np.eye(_N_ORIENTATIONS)[orientation, 1:]
+    weight = np.bincount(atom_superpixel, counts.pixels, K)
+    of_label = np.stack(
+        [np.bincount(atom_superpixel, counts.pixels * orientation_map[:, k], K) for k in range(N_FACES)], axis=1
+    ) / np.maximum(weight, 1.0)[:, None]
+    cues = np.zeros((K, 12)) if evidence.depth_cues is None else np.asarray(evidence.depth_cues, np.float64)
+    with_depth = geometry is not None
+    return JointProblem(
+        counts=counts,
+        atom_superpixel=atom_superpixel,
+        atom_feature=np.concatenate([orientation_map, context[atom_superpixel]], axis=1),
+        atom_region=region,
+        label_gc=context,
+        label_om=of_label,
+        label_depth=cues if with_depth else np.zeros((K, 12)),
+        edges=superpixels.edges,
+        contact=superpixels.edge_length * np.sqrt(superpixels.index.size / K) / superpixels.index.size,
+        relation=compute_relations(camera, superpixels, R, with_depth),
+        smoothness=_smoothness(superpixels, with_depth),
+        profiles=None if geometry is None else _profiles(geometry, R, context, superpixels, config),
+        front_axis=float(1.0 - R[2, 2]),
+    )
+
+
+def compute_relations(
+    camera: CameraIntrinsics, superpixels: Superpixels, R: NDArray[np.float64], with_depth: bool
+) -> NDArray[np.float64]:
+    """(E, 6) float64 0..1: i above, below, right of, left of, in front of (farther), behind j (paper, Table 1).
+
+    Positions are the planes' points at the superpixels' centres, where both have one; without depth directions (u, v) tell
+    what they can, and nothing is in front or behind.
+    """
+    centre = superpixels.center_px.astype(np.float64)
+    rays = np.column_stack([(centre - (camera.cx, camera.cy)) / (camera.fx, camera.fy), np.ones(len(centre))]) @ R.T
+    if with_depth:
+        a, b, c = superpixels.plane.T
+        w = a * centre[:, 0] + b * centre[:, 1] + c
+        with np.errstate(divide="ignore", invalid="ignore"):
+            position = np.where(w > 0, 1.0 / w, np.nan)[:, None] * rays
+        tolerance, span = _TOLERANCE_M, _SPAN_M
+    else:
+        position = np.full((len(rays), 3), np.nan)
+        ahead = rays[:, 2] > 0.1
+        position[ahead] = np.column_stack([rays[ahead, :2] / rays[ahead, 2:], np.zeros(ahead.sum())])
+        tolerance, span = _TOLERANCE_SLOPE, _SPAN_SLOPE
+    i, j = superpixels.edges.T
+    step = position[i] - position[j]
+    signed = np.column_stack([-step[:, 1], step[:, 1], step[:, 0], -step[:, 0], step[:, 2], -step[:, 2]])
+    return np.nan_to_num(np.clip((signed - tolerance) / span, 0.0, 1.0), nan=0.0)
+
+
+def _smoothness(superpixels: Superpixels, with_depth: bool) -> NDArray[np.float64]:
+    """(E, 3): 1, likeness of colour, likeness of plane."""
+    i, j = superpixels.edges.T
+    color = np.linalg.norm(superpixels.mean_lab[i] - superpixels.mean_lab[j], axis=1) / _COLOR_SCALE
+    likeness = np.zeros(len(i))
+    if with_depth:
+        gap = np.maximum(_plane_gap(superpixels, i, j), _plane_gap(superpixels, j, i))
+        likeness = np.nan_to_num(np.exp(-0.5 * (gap / _PLANE_SCALE) ** 2), nan=0.0)
+    return np.column_stack([np.ones(len(i)), np.exp(-0.5 * color**2), likeness]).astype(np.float64)
+
+
+def _plane_gap(superpixels: Superpixels, i: NDArray[np.int32], j: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Relative difference of inverse depth between the planes of i and j at the centre of j."""
+    x, y = superpixels.center_px[j].T.astype(np.float64)
+    of_i = superpixels.plane[i, 0] * x + superpixels.plane[i, 1] * y + superpixels.plane[i, 2]
+    of_j = superpixels.plane[j, 0] * x + superpixels.plane[j, 1] * y + superpixels.plane[j, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.abs(of_i - of_j) / np.abs(of_j)
+
+
+def _profiles(
+    geometry: DepthGeometry,
+    R: NDArray[np.float64],
+    context: NDArray[np.float64],
+    superpixels: Superpixels,
+    config: EstimatorConfig,
+) -> DepthProfiles:
+    """Profiles of the cells; a cell counts for a face as far as the context lets its superpixel be structure."""
+    cells = gather_evidence(geometry, R)
+    rows, cols, _ = geometry.moments.shape
+    size = superpixels.index.shape[0] // rows
+    centre = superpixels.index[size // 2 :: size, size // 2 :: size][:rows, :cols]
+    structure = np.clip(2.0 * context[centre.ravel(), :N_FACES], 0.0, 1.0)
+    if np.ptp(context) == 0.0:  # nothing known
+        structure = np.ones_like(structure)
+    return compute_depth_profiles(cells.points, cells.agreement, structure, cells.sigma, config.layout_scales)
+
+
+def loss_costs(
+    problem: JointProblem, label_truth: NDArray[np.float64], layout_share: float = 1.0
+) -> ExtraCosts:
+    """Return the pixel-wise losses of labelling and layout as costs; their negatives augment inference in learning.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Built with the true layout as `regions`.
+    label_truth : (K, 6) float64
+        Share of the image that each superpixel has of each true label; pixels without truth in none.
+    layout_share : float
+        Weight of the layout loss against the labelling loss.
+    """
+    labelled = label_truth.sum(axis=1, keepdims=True)
+    wrong = (problem.atom_region[:, None] != np.arange(1, N_FACES + 1)) & (problem.atom_region[:, None] > 0)
+    return ExtraCosts(
+        face=layout_share * wrong * (problem.counts.pixels / problem.pixels)[:, None],
+        label=labelled - label_truth,
+    )
