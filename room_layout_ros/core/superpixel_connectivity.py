@@ -159,59 +159,84 @@ def _join_small(size, first, neighbour, length, min_pixels):  # type: ignore[no-
 
 @njit(cache=True, nogil=True)
 def connect(index, min_pixels):  # type: ignore[no-untyped-def]
-    """Return the label image made 4-connected, ids 0.. in raster order: (H, W) int32, and the number of ids.
+    """Return the label image made 4-connected and the neighbours in it.
 
     Pieces below `min_pixels` join the neighbour with whom they share the longest border.
+
+    Returns
+    -------
+    (H, W) int32 ids 0.. in raster order, (E, 2) int32 pairs i < j ascending, (E,) int32 border lengths
+    in pairs of 4-neighbouring pixels.
     """
     height, width = index.shape
     start, first_run = _runs(index)
-    component, count = _components(index, start, first_run)
-    size, first, neighbour, length = _borders(component, count, start, first_run, width)
+    component, pieces = _components(index, start, first_run)
+    size, first, neighbour, length = _borders(component, pieces, start, first_run, width)
     target = _join_small(size, first, neighbour, length, min_pixels)
-    ids = np.full(count, -1, np.int32)
-    labels = 0
+    ids = np.full(pieces, -1, np.int32)
+    count = 0
+    for piece in range(pieces):
+        if ids[target[piece]] < 0:
+            ids[target[piece]] = count
+            count += 1
+        ids[piece] = ids[target[piece]]
     connected = np.empty((height, width), np.int32)
     for y in range(height):
         for run in range(first_run[y], first_run[y + 1]):
-            root = target[component[run]]
-            if ids[root] < 0:
-                ids[root] = labels
-                labels += 1
             x1 = start[run + 1] if run + 1 < first_run[y + 1] else width
-            connected[y, start[run] : x1] = ids[root]
-    return connected, labels
+            label = ids[component[run]]
+            for x in range(start[run], x1):
+                connected[y, x] = label
+    pairs = np.empty((len(neighbour), 2), np.int32)
+    for piece in range(pieces):
+        for i in range(first[piece], first[piece + 1]):
+            pairs[i, 0], pairs[i, 1] = piece, neighbour[i]
+    edges, edge_length = regroup_edges(pairs, length, ids, count)
+    return connected, edges, edge_length // 2
 
 
 @njit(cache=True, nogil=True)
-def adjacency(index):  # type: ignore[no-untyped-def]
-    """Return the pairs (E, 2) int32 of touching labels, i < j in ascending order, and the length of their border.
-
-    The length counts pairs of 4-neighbouring pixels.
-    """
-    start, first_run = _runs(index)
-    height, width = index.shape
-    n = len(start)
-    label = np.empty(n, np.int32)
-    for y in range(height):
-        for run in range(first_run[y], first_run[y + 1]):
-            label[run] = index[y, start[run]]
-    count = label.max() + 1
-    _, first, neighbour, length = _borders(label, count, start, first_run, width)
+def regroup_edges(edges, edge_length, ids, count):  # type: ignore[no-untyped-def]
+    """Return the edges between the new `ids` of their ends, i < j ascending, lengths of parallel ones added."""
+    first = np.zeros(count + 1, np.int32)
+    for e in range(len(edges)):
+        a, b = ids[edges[e, 0]], ids[edges[e, 1]]
+        if a != b:
+            first[min(a, b) + 1] += 1
+    for k in range(count):
+        first[k + 1] += first[k]
+    fill = first[:-1].copy()
+    other, length = np.empty(first[count], np.int32), np.empty(first[count], np.int32)
+    for e in range(len(edges)):
+        a, b = ids[edges[e, 0]], ids[edges[e, 1]]
+        if a != b:
+            low = min(a, b)
+            other[fill[low]], length[fill[low]] = max(a, b), edge_length[e]
+            fill[low] += 1
     total = np.zeros(count, np.int32)
-    edges, edge_length = np.empty((len(neighbour), 2), np.int32), np.empty(len(neighbour), np.int32)
+    grouped, grouped_length = np.empty((len(other), 2), np.int32), np.empty(len(other), np.int32)
+    found = np.empty(count, np.int32)
     m = 0
     for a in range(count):
-        found = np.empty(first[a + 1] - first[a], np.int32)
         k = 0
         for i in range(first[a], first[a + 1]):
-            b = neighbour[i]
-            if b > a:
-                if total[b] == 0:
-                    found[k] = b
-                    k += 1
-                total[b] += length[i]
+            if total[other[i]] == 0:
+                found[k] = other[i]
+                k += 1
+            total[other[i]] += length[i]
         for b in np.sort(found[:k]):
-            edges[m, 0], edges[m, 1], edge_length[m] = a, b, total[b]
+            grouped[m, 0], grouped[m, 1], grouped_length[m] = a, b, total[b]
             total[b] = 0
             m += 1
-    return edges[:m].copy(), edge_length[:m].copy()
+    return grouped[:m].copy(), grouped_length[:m].copy()
+
+
+@njit(cache=True, nogil=True)
+def relabel(index, ids):  # type: ignore[no-untyped-def]
+    """Return the label image with each label replaced by its id."""
+    height, width = index.shape
+    new = np.empty_like(index)
+    for y in range(height):
+        for x in range(width):
+            new[y, x] = ids[index[y, x]]
+    return new

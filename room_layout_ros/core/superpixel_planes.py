@@ -1,4 +1,4 @@
-"""What each superpixel is: area, centre, colour and a robust plane in inverse depth."""
+"""Planes in inverse depth: one per superpixel, robust; one per window, for the gradient."""
 
 from __future__ import annotations
 
@@ -7,103 +7,45 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .superpixel_assignment import (
-    CAP,
-    KW,
-    N_CENTER,
-    N_SUMS,
-    PA,
-    PB,
-    PC,
-    TILE_H,
-    TILE_W,
-    M,
-    W,
-    X,
-    Y,
-    accumulate,
-    plane_of_sums,
-)
+from .superpixel_assignment import CAP, KW, N_CENTER, PA, PB, PC, X, Y
+from .superpixel_sums import accumulate, plane_of_sums, plane_sse
 
 MIN_PLANE_PIXELS = 30
+"""Superpixels with fewer inliers have no plane."""
+
 _GRADIENT_RADIUS_PX = 5
-
 _INLIER = 2.5
-"""Residuals beyond this multiple of the first fit's rms are left out of the second."""
-
+_MIN_RMS = 1e-4
 _ROW_STEP = 2
-"""Rows left out when planes and colours are summed: 2 leaves 750 pixels per superpixel of 640x480."""
 
 
-def describe(
-    tiles: NDArray[np.float32], index: NDArray[np.int32], count: int
-) -> tuple[
-    NDArray[np.int32],
-    NDArray[np.float32],
-    NDArray[np.float32],
-    NDArray[np.float64],
-    NDArray[np.float32],
-    NDArray[np.float32],
-]:
-    """Return pixels, centre, mean Lab, plane, plane rms and measured share of each superpixel (see `Superpixels`).
+@njit(cache=True, nogil=True)
+def fit_planes(lab, w, gradient, index, sums):  # type: ignore[no-untyped-def]
+    """Return the planes (K, 3) float64 (a, b, c), w = a x + b y + c, and the rms (K,) float32 of their inliers.
 
-    The plane is a least-squares fit in inverse depth, repeated once without the residuals beyond 2.5 rms.
+    The least-squares plane of the sums, fitted once more (on every second row) without the residuals beyond 2.5
+    times the rms of the first. NaN where fewer than 30 pixels are left. Columns that span no plane get slope 0.
     """
+    count = len(sums)
+    plane, rms = np.full((count, 3), np.nan), np.full(count, np.nan, np.float32)
     fits = np.zeros((count, N_CENTER), np.float32)
-    sums = np.zeros((count, N_SUMS))
-    accumulate(tiles, fits, 1, 0, index, sums)
-    area = np.maximum(sums[:, 0], 1)
-    fits[:, X], fits[:, Y] = sums[:, 1] / area, sums[:, 2] / area
-    set_planes(sums, fits)
-    first = residuals(tiles, fits, index)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        fits[:, KW] = 1.0 / np.maximum(first, 1e-12)
-    fits[:, CAP] = _INLIER**2
-    again = np.zeros((count, N_SUMS))
-    accumulate(tiles, fits, 1, 0, index, again)
-    set_planes(again, fits)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        fits[:, KW] = 1.0 / np.maximum(first, 1e-12)
-    second = residuals(tiles, fits, index)
-    none = again[:, 9] < MIN_PLANE_PIXELS
-    plane = fits[:, [PA, PB, PC]].astype(np.float64)
-    plane[:, 2] -= plane[:, 0] * fits[:, X] + plane[:, 1] * fits[:, Y]
-    plane[none] = np.nan
-    rms = np.where(none, np.nan, np.sqrt(second)).astype(np.float32)
-    center = fits[:, [X, Y]].copy()
-    lab = (sums[:, 3:6] / area[:, None]).astype(np.float32)
-    measured = (sums[:, 6] / area).astype(np.float32)
-    return sums[:, 0].astype(np.int32), center, lab, plane, rms, measured
-
-
-@njit(cache=True, nogil=True)
-def set_planes(sums, fits):  # type: ignore[no-untyped-def]
-    """Write the least-squares plane of the sums at each fit's position."""
-    for k in range(len(fits)):
-        a, b, w, _ = plane_of_sums(sums[k], fits[k, X], fits[k, Y])
-        fits[k, PA], fits[k, PB], fits[k, PC] = a, b, w
-
-
-@njit(cache=True, nogil=True)
-def residuals(tiles, fits, index):  # type: ignore[no-untyped-def]
-    """Return (K,) mean squared residual of the inliers of each plane (all measured pixels while KW is 0)."""
-    height, width = index.shape
-    total, n = np.zeros(len(fits)), np.zeros(len(fits))
-    for y in range(height):
-        for x in range(width):
-            tile = tiles[y // TILE_H, x // TILE_W]
-            p = (y % TILE_H) * TILE_W + x % TILE_W
-            if tile[M, p] > 0:
-                f = fits[index[y, x]]
-                r = tile[W, p] - (f[PA] * (x - f[X]) + f[PB] * (y - f[Y]) + f[PC])
-                if f[KW] * r * r <= f[CAP]:
-                    total[index[y, x]] += r * r
-                    n[index[y, x]] += 1
-    return total / np.maximum(n, 1)
+    for k in range(count):
+        s = sums[k]
+        fits[k, X], fits[k, Y] = s[1] / s[0], s[2] / s[0]
+        fits[k, PA], fits[k, PB], fits[k, PC] = plane_of_sums(s, fits[k, X], fits[k, Y])
+        fits[k, KW] = 1.0 / max(plane_sse(s) / max(s[9], 1.0), _MIN_RMS**2)
+        fits[k, CAP] = _INLIER**2
+    again = accumulate(lab, w, gradient, fits, index, _ROW_STEP, 0, False, True, False)
+    for k in range(count):
+        s = again[k]
+        if s[9] * _ROW_STEP >= MIN_PLANE_PIXELS:
+            plane[k] = plane_of_sums(s, 0.0, 0.0)
+            rms[k] = np.sqrt(plane_sse(s) / s[9])
+    return plane, rms
 
 
 def inverse_depth_gradient(inverse_depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the slope of a plane fitted to the measured pixels of an 11x11 window: (H, W, 2) float32 in 1/m/px.
+    """Return the slope of a plane fitted to the measured pixels of an 11x11 window: (2, H, W) float32 in 1/m/px.
 
     A difference of neighbouring pixels of 8-bit depth is worthless (0 or a step of 39 mm); the fit's slope has a
     35-fold smaller error. Slopes are 0 where not measured.
@@ -124,5 +66,5 @@ def inverse_depth_gradient(inverse_depth: NDArray[np.float32]) -> NDArray[np.flo
     xx, xy, yy = sxx - sx * sx / n + 1, sxy - sx * sy / n, syy - sy * sy / n + 1
     xw, yw = sxw - sx * sw / n, syw - sy * sw / n
     det = xx * yy - xy * xy
-    slopes = np.stack([(yy * xw - xy * yw) / det, (xx * yw - xy * xw) / det], axis=2) * m[..., None]
+    slopes = np.stack([(yy * xw - xy * yw) / det, (xx * yw - xy * xw) / det]) * m
     return np.ascontiguousarray(slopes, dtype=np.float32)

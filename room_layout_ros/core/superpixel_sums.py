@@ -1,0 +1,160 @@
+"""Sums over the pixels of each superpixel, and the means and planes that follow from them in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .superpixel_assignment import CA, CAP, CB, CL, GA, GB, KW, L_SCALE, PA, PB, PC, X, Y
+
+N_SUMS = 19
+"""n, x, y, L, a, b; measured, gradient (2); pixels of the plane: m, x, y, xx, xy, yy, w, xw, yw, ww."""
+
+MIN_PLANE_PIXELS = 6.0
+_NO_PLANE = 1e20
+"""KW of a centre without plane: finite, as 0 times infinity is no number."""
+
+_NEUTRAL = 1.0
+"""Cost of a measured pixel at a centre without plane: that of a usual residual, so that neither is preferred."""
+
+_RIDGE_PX2 = 0.05
+"""Added to the variance of the pixels' positions: slopes that a line of pixels cannot tell become 0."""
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
+def _color_sums(lab, y, first, last):  # type: ignore[no-untyped-def]
+    sl, sa, sb = np.int32(0), np.int32(0), np.int32(0)
+    for x in range(first, last):
+        sl += np.int32(lab[0, y, x])
+        sa += np.int32(lab[1, y, x])
+        sb += np.int32(lab[2, y, x])
+    return sl, sa, sb
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
+def _plane_sums(row, first, last, w0, slope, limit):  # type: ignore[no-untyped-def]
+    """Return measured, m, x, xx, w, xw, ww of row[first:last], x from `first`; m counts |w - w0 - slope x| <= limit."""
+    zero, one = np.float32(0), np.float32(1)
+    seen, m, mx, mxx, mw, mxw, mww = zero, zero, zero, zero, zero, zero, zero
+    for j in range(last - first):
+        w, x = row[first + j], np.float32(j)
+        is_seen = one if w > zero else zero
+        inlier = is_seen if abs(w - w0 - slope * x) <= limit else zero
+        seen += is_seen
+        m += inlier
+        mx += inlier * x
+        mxx += inlier * x * x
+        mw += inlier * w
+        mxw += inlier * w * x
+        mww += inlier * w * w
+    return seen, m, mx, mxx, mw, mxw, mww
+
+
+@njit(cache=True, nogil=True)
+def accumulate(lab, w, gradient, centers, index, step, phase, by_color, by_depth, by_gradient):  # type: ignore[no-untyped-def]
+    """Return the sums (K, N_SUMS) of the pixels of every `step`-th row from `phase` on.
+
+    A pixel whose residual is capped at its centre (KW r^2 > CAP) is no part of the centre's plane: that makes the
+    fit the exact minimiser of the capped energy for fixed inliers. KW = 0 takes all.
+    """
+    height, width = index.shape
+    count = len(centers)
+    sums = np.zeros((count, N_SUMS))
+    limit = np.empty(count, np.float32)
+    for k in range(count):
+        kw, cap = centers[k, KW], centers[k, CAP]
+        limit[k] = np.sqrt(cap / kw) if 0 < kw < _NO_PLANE else np.inf
+    for y in range(phase, height, step):
+        first = 0
+        while first < width:
+            k = index[y, first]
+            last = first + 1
+            while last < width and index[y, last] == k:
+                last += 1
+            n, s = last - first, sums[k]
+            s[0] += n
+            s[1] += n * (first + last - 1) * 0.5
+            s[2] += n * y
+            if by_color:
+                sl, sa, sb = _color_sums(lab, y, first, last)
+                s[3] += sl
+                s[4] += sa
+                s[5] += sb
+            if by_depth:
+                slope = centers[k, PA]
+                w0 = centers[k, PC] + slope * (first - centers[k, X]) + centers[k, PB] * (y - centers[k, Y])
+                seen, m, mx, mxx, mw, mxw, mww = _plane_sums(
+                    w[y], first, last, np.float32(w0), np.float32(slope), limit[k]
+                )
+                s[6] += seen
+                s[9] += m
+                s[10] += mx + m * first
+                s[11] += m * y
+                s[12] += mxx + 2.0 * first * mx + m * first * first
+                s[13] += (mx + m * first) * y
+                s[14] += m * y * y
+                s[15] += mw
+                s[16] += mxw + mw * first
+                s[17] += mw * y
+                s[18] += mww
+            if by_gradient:
+                for x in range(first, last):
+                    s[7] += gradient[0, y, x]
+                    s[8] += gradient[1, y, x]
+            first = last
+    for k in range(count):
+        sums[k, 3] *= L_SCALE
+    return sums
+
+
+@njit(cache=True, nogil=True)
+def move_centers(sums, centers, noise, noise_quantum, weight, cap):  # type: ignore[no-untyped-def]
+    """Set each centre to the means and the least-squares plane of its pixels; a centre without pixels stays."""
+    for k in range(len(centers)):
+        s, c = sums[k], centers[k]
+        n = s[0]
+        if n == 0:
+            continue
+        c[X], c[Y] = s[1] / n, s[2] / n
+        c[CL], c[CA], c[CB] = s[3] / n, s[4] / n, s[5] / n
+        if s[6] > 0:
+            c[GA], c[GB] = s[7] / s[6], s[8] / s[6]
+        a, b, w = plane_of_sums(s, c[X], c[Y])
+        c[PA], c[PB], c[PC] = a, b, w
+        if s[9] >= MIN_PLANE_PIXELS:
+            c[KW], c[CAP] = weight / plane_variance(w, noise, noise_quantum), weight * cap
+        else:
+            c[KW], c[CAP] = _NO_PLANE, weight * _NEUTRAL
+
+
+@njit(cache=True, nogil=True)
+def plane_variance(w, noise, noise_quantum):  # type: ignore[no-untyped-def]
+    """Return the variance of inverse depth: constant for structured light, (quantum w^2)^2 for depth rounded in Z."""
+    return noise * noise + (noise_quantum * w * w) ** 2
+
+
+@njit(cache=True, nogil=True)
+def plane_of_sums(s, x0, y0):  # type: ignore[no-untyped-def]
+    """Return (a, b, w0) of the least-squares plane w = a (x - x0) + b (y - y0) + w0 of the sums; 0 without pixels."""
+    m = s[9]
+    if m < 1:
+        return 0.0, 0.0, 0.0
+    mx, my, mw = s[10] / m, s[11] / m, s[15] / m
+    xx, xy, yy = s[12] / m - mx * mx + _RIDGE_PX2, s[13] / m - mx * my, s[14] / m - my * my + _RIDGE_PX2
+    xw, yw = s[16] / m - mx * mw, s[17] / m - my * mw
+    det = xx * yy - xy * xy
+    a, b = (yy * xw - xy * yw) / det, (xx * yw - xy * xw) / det
+    return a, b, mw + a * (x0 - mx) + b * (y0 - my)
+
+
+@njit(cache=True, nogil=True)
+def plane_sse(s):  # type: ignore[no-untyped-def]
+    """Return the sum of squared residuals of the least-squares plane of the sums."""
+    m = s[9]
+    if m < 1:
+        return 0.0
+    mx, my, mw = s[10] / m, s[11] / m, s[15] / m
+    xx, xy, yy = s[12] / m - mx * mx + _RIDGE_PX2, s[13] / m - mx * my, s[14] / m - my * my + _RIDGE_PX2
+    xw, yw = s[16] / m - mx * mw, s[17] / m - my * mw
+    explained = (yy * xw * xw - 2.0 * xy * xw * yw + xx * yw * yw) / (xx * yy - xy * xy)
+    return max(0.0, m * (s[18] / m - mw * mw - explained))
