@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from room_layout_ros.datasets import DataError
+from room_layout_ros.datasets.bag import open_reader, raw_messages
+from room_layout_ros.datasets.bag_messages import IMAGE, decode, stamp_of
 
 Image = NDArray[np.uint8]
 _CHANNELS = {"mono8": 1, "rgb8": 3}
@@ -40,31 +42,20 @@ def read_recording(path: Path) -> Recording:
     DataError
         When it is missing, damaged, or holds no overlay.
     """
-    from rosbags.highlevel import AnyReader, AnyReaderError
-    from rosbags.typesys import Stores, get_typestore
-
     pictures: dict[str, dict[int, Image]] = {"overlay": {}, "layout": {}, "labels": {}}
     counts: Counter[tuple[str, str]] = Counter()
-    try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-            for connection, _, raw in reader.messages():
-                counts[connection.topic, connection.msgtype] += 1
-                kind = connection.topic.rpartition("/")[2]
-                if kind in pictures and connection.msgtype == "sensor_msgs/msg/Image":
-                    message = reader.deserialize(raw, connection.msgtype)
-                    pictures[kind][stamp_ns(message)] = pixels(message)
-    except (AnyReaderError, OSError) as error:
-        raise DataError(f"{path} cannot be read: {error}") from None
+    with open_reader(path) as reader:
+        for connection, _, raw in raw_messages(reader, {c.topic for c in reader.connections}, path):
+            counts[connection.topic, connection.msgtype] += 1
+            kind = connection.topic.rpartition("/")[2]
+            if kind in pictures and connection.msgtype == IMAGE:
+                message = decode(raw, IMAGE)
+                pictures[kind][stamp_of(message)] = pixels(message)
     topics = tuple((topic, kind, count) for (topic, kind), count in sorted(counts.items()))
     if not pictures["overlay"]:
         seen = ", ".join(f"{t} ({n})" for t, _, n in topics) or "nothing"
         raise DataError(f"{path} holds no overlay picture; recorded was {seen}")
     return Recording(topics, **pictures)
-
-
-def stamp_ns(message: Any) -> int:
-    """Return the stamp of a message with a header."""
-    return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
 
 
 def pixels(message: Any) -> Image:

@@ -1,0 +1,211 @@
+"""See the whole thing work: frames are played into the live node, and what it publishes becomes a page.
+
+Without --input a short walk through a furnished room is rendered, with known truth. With --input the frames come
+from a frames folder or a bag. Player, estimator node and recorder are three processes that talk over DDS.
+The folder gets index.html, contact-sheet.png, overlay.webp, the input as a bag and the node's results as an MCAP.
+Where ROS is not installed the same bag runs through the same estimator without the node.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import shutil
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from room_layout_ros.commands.demo_offline import run_offline
+from room_layout_ros.commands.demo_page import DemoFacts, demo_html
+from room_layout_ros.commands.demo_pictures import side_by_side, write_animation, write_sheets
+from room_layout_ros.commands.demo_results import Recording, read_recording
+from room_layout_ros.commands.progress import progress_bar
+from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.datasets import DataError, FrameSource, Sample, good_samples, open_source
+from room_layout_ros.datasets.images import write_atomically
+from room_layout_ros.datasets.writers import BagWriter
+from room_layout_ros.evaluation.measures import score_pixels
+from room_layout_ros.evaluation.pictures import base_image
+
+MADE_BY_US = ".room-layout-demo"
+"""A folder with this file was made by the demo and may be replaced by the next one."""
+
+RENDERED_FRAMES = 60
+RENDERED_SEED = 4
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `demo`."""
+    parser.add_argument("--input", type=Path, metavar="X", help="frames folder or rosbag2 (default: a rendered room)")
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="default out/demo")
+    parser.add_argument(
+        "--frames", type=int, metavar="N", help=f"at most N frames (default all; rendered {RENDERED_FRAMES})"
+    )
+    parser.add_argument("--seed", type=int, default=RENDERED_SEED, help="of the rendered room")
+    parser.add_argument(
+        "--rate", type=float, help="play at this multiple of real time (default: as fast as all are estimated)"
+    )
+    parser.add_argument("--no-node", action="store_true", help="leave out ROS: no node, no DDS")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the demo and print the paths of what it made."""
+    _check(arguments)
+    live = not arguments.no_node and ros_is_here()
+    if not live and not arguments.no_node:
+        print(
+            "No ROS 2 wheels are installed here (they exist for Linux on x86-64): running without the node.",
+            file=sys.stderr,
+        )
+    source = _source(arguments)
+    out: Path = arguments.out
+    _make_folder(out)
+    bag = out / "input"
+    look = _write_bag(source, bag, arguments.frames)
+    if live:
+        from room_layout_ros.commands.demo_live import run_live
+
+        mcap, notes = run_live(bag, out, len(look), arguments.rate)
+    else:
+        with progress_bar("estimate", len(look)) as progress:
+            mcap = run_offline(open_source(bag), out / "results", progress)
+        notes = ()
+    recording = read_recording(mcap)
+    print("\n".join(str(path) for path in _show(out, source, look, recording, mcap, bag, live, notes, arguments)))
+    return 0
+
+
+def ros_is_here() -> bool:
+    """Whether rclpy can be imported."""
+    return importlib.util.find_spec("rclpy") is not None
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    if arguments.frames is not None and arguments.frames < 1:
+        raise DataError(f"--frames is {arguments.frames}; it must be 1 or more")
+    if arguments.rate is not None and not 0.01 <= arguments.rate <= 10:
+        raise DataError(f"--rate is {arguments.rate}; allowed is 0.01 to 10")
+    for module, extra in (("rosbags", "playback"), ("PIL", "viz")):
+        if importlib.util.find_spec(module) is None:
+            raise DataError(f"the demo needs {module}: pip install 'room_layout_ros[{extra}]'")
+
+
+def _source(arguments: argparse.Namespace) -> FrameSource:
+    if arguments.input is not None:
+        return open_source(arguments.input)
+    from room_layout_ros.datasets.synthetic import SyntheticSource
+
+    return SyntheticSource(frames=arguments.frames or RENDERED_FRAMES, seed=arguments.seed)
+
+
+def _make_folder(out: Path) -> None:
+    if out.exists() and not out.is_dir():
+        raise DataError(f"{out} is a file; --out needs a folder")
+    if out.exists() and any(out.iterdir()):
+        if not (out / MADE_BY_US).exists():
+            raise DataError(f"{out} is not empty and not of an earlier demo; choose another folder by --out")
+        shutil.rmtree(out)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / MADE_BY_US).touch()
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What is kept of an input frame: a small picture, and the true layout where it is known."""
+
+    name: str
+    picture: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]
+    layout: np.ndarray[tuple[int, ...], np.dtype[np.uint8]] | None
+    labels: np.ndarray[tuple[int, ...], np.dtype[np.uint8]] | None
+
+
+def _write_bag(source: FrameSource, bag: Path, limit: int | None) -> dict[int, _Seen]:
+    """Write the frames as a rosbag2; return by stamp what the page will need of them."""
+    seen: dict[int, _Seen] = {}
+    what = "render and write bag" if source.title.startswith("synthetic") else "write bag"
+    with progress_bar(what, source.length if limit is None else limit) as progress, BagWriter(bag) as writer:
+        for sample in _first(source, limit):
+            writer.write(sample)
+            seen[sample.frame.stamp_ns] = _seen(sample)
+            progress(len(seen))
+    if not seen:
+        raise DataError(f"{source.title} holds no usable frame")
+    return seen
+
+
+def _first(source: FrameSource, limit: int | None) -> Iterator[Sample]:
+    for count, sample in enumerate(good_samples(source)):
+        if limit is not None and count >= limit:
+            return
+        yield sample
+
+
+def _seen(sample: Sample) -> _Seen:
+    frame: RgbdFrame = sample.frame
+    small = np.asarray(cv2.resize(base_image(frame), (480, 360), interpolation=cv2.INTER_AREA), np.uint8)
+    truth = sample.truth
+    return _Seen(sample.name, small, truth.layout if truth else None, truth.labels if truth else None)
+
+
+def _show(
+    out: Path, source: FrameSource, look: dict[int, _Seen], recording: Recording, mcap: Path, bag: Path, live: bool,
+    notes: tuple[str, ...], arguments: argparse.Namespace,
+) -> list[Path]:  # fmt: skip
+    """Write pictures and page; return the paths, the page last."""
+    stamps = [stamp for stamp in sorted(look) if stamp in recording.overlay]
+    if not stamps:
+        raise DataError("no result carries the stamp of a played frame; this is a bug of the demo")
+    overlays = [(look[stamp].name, recording.overlay[stamp]) for stamp in stamps]
+    sheets = write_sheets(out / "contact-sheet.png", overlays)
+    animation = out / "overlay.webp"
+    pairs = [side_by_side(look[stamp].picture, recording.overlay[stamp]) for stamp in stamps]
+    write_animation(animation, pairs, max(stamps[-1] - stamps[0], 1) * 1e-9)
+    facts = DemoFacts(
+        title="Room layout, live" if live else "Room layout",
+        source=f"{source.title}, {len(look)} frames",
+        live=live,
+        cards=_cards(look, recording, stamps),
+        topics=recording.topics,
+        animation=animation,
+        sheet=sheets[0],
+        sheets=sheets,
+        mcap=mcap,
+        bag=bag,
+        commands=_by_hand(bag, arguments),
+        notes=notes,
+    )
+    page = out / "index.html"
+    write_atomically(page, demo_html(facts).encode())
+    return [*sheets, animation, mcap, page]
+
+
+def _cards(look: dict[int, _Seen], recording: Recording, stamps: list[int]) -> list[tuple[str, str, str]]:
+    cards = [(f"{len(stamps)} of {len(look)}", "frames came back as rooms", "paired by the stamp of the depth image")]
+    errors = []
+    for stamp in stamps:
+        truth, layout = look[stamp].layout, recording.layout.get(stamp)
+        if truth is not None and layout is not None:
+            errors.append(score_pixels(truth, layout, look[stamp].labels, recording.labels.get(stamp)))
+    if errors:
+        layout_error = float(np.nanmean([e.layout_error for e in errors]))
+        cards.append(
+            (f"{100 * layout_error:.2f} %", "layout error", f"mean over {len(errors)} frames with a known truth")
+        )
+        labelling = [e.labelling_error for e in errors if np.isfinite(e.labelling_error)]
+        if labelling:
+            cards.append(
+                (f"{100 * float(np.mean(labelling)):.2f} %", "labelling error", "faces and clutter, per pixel")
+            )
+    return cards
+
+
+def _by_hand(bag: Path, arguments: argparse.Namespace) -> list[str]:
+    return [
+        "ros2 run room_layout_ros estimator        # or: estimator",
+        f"room-layout play {bag}",
+        f"room-layout estimate {arguments.input or bag} --out estimates --overlay",
+    ]
