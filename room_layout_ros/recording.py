@@ -1,0 +1,153 @@
+"""A recorder: writes what topics carry, as it comes over DDS, into a rosbag2 (MCAP).
+
+Like `node` a shell around rclpy. Messages are never decoded: bytes in, bytes out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import queue
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.utilities import try_shutdown
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+_DEPTH = 200
+_LOOK_PERIOD_S = 0.1
+
+
+class Recorder(Node):
+    """Subscribes to topics as their publishers turn up and hands every message to a writer thread.
+
+    Parameters
+    ----------
+    bag : Path
+        Folder to be made.
+    topics : list of str
+        Names, relative to the namespace.
+
+    Raises
+    ------
+    ValueError
+        When the folder exists.
+    """
+
+    def __init__(self, bag: Path, topics: Sequence[str], **options: Any) -> None:
+        super().__init__("recorder", **options)
+        if bag.exists():
+            raise ValueError(f"recording goes to {bag}, which exists; name a folder that does not")
+        self._typestore = get_typestore(Stores.ROS2_JAZZY)
+        self.counts: Counter[str] = Counter()
+        self.lost: Counter[str] = Counter()
+        self._missing = [self.resolve_topic_name(topic) for topic in topics]
+        self._messages: queue.SimpleQueue[tuple[str, str, int, bytes] | None] = queue.SimpleQueue()
+        self._writer = threading.Thread(target=_write, args=(bag, self._typestore, self._messages), name="writer")
+        self._writer.start()
+        self.create_timer(_LOOK_PERIOD_S, self._look)
+
+    def close(self) -> None:
+        """Write what is left and finish the bag."""
+        self._messages.put(None)
+        self._writer.join()
+
+    def _look(self) -> None:
+        for topic in list(self._missing):
+            publishers = self.get_publishers_info_by_topic(topic)
+            if publishers:
+                self._missing.remove(topic)
+                self._subscribe(topic, publishers)
+
+    def _subscribe(self, topic: str, publishers: Sequence[Any]) -> None:
+        kind = publishers[0].topic_type
+        if kind not in self._typestore.types:
+            self.get_logger().error(f"{topic} has type {kind[:80]!r}, which is no standard message; it is not recorded")
+            return
+        profiles = [p.qos_profile for p in publishers]
+        reliable = all(p.reliability == QoSReliabilityPolicy.RELIABLE for p in profiles)
+        latched = all(p.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
+        qos = QoSProfile(
+            depth=_DEPTH,
+            reliability=QoSReliabilityPolicy.RELIABLE if reliable else QoSReliabilityPolicy.BEST_EFFORT,
+            durability=QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE,
+        )
+        events = SubscriptionEventCallbacks(message_lost=partial(self._on_lost, topic))
+        callback = partial(self._on_message, topic, kind)
+        self.create_subscription(_message_class(kind), topic, callback, qos, event_callbacks=events, raw=True)
+
+    def _on_message(self, topic: str, kind: str, serialized: bytes) -> None:
+        self.counts[topic] += 1
+        self._messages.put((topic, kind, time.time_ns(), serialized))
+
+    def _on_lost(self, topic: str, info: Any) -> None:
+        self.lost[topic] += info.total_count_change
+
+
+def _message_class(kind: str) -> type:
+    package, _, name = kind.split("/")
+    found: type = getattr(importlib.import_module(f"{package}.msg"), name)
+    return found
+
+
+def _write(bag: Path, typestore: Any, messages: queue.SimpleQueue[tuple[str, str, int, bytes] | None]) -> None:
+    connections: dict[str, Any] = {}
+    with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        while (message := messages.get()) is not None:
+            topic, kind, received_ns, serialized = message
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=typestore)
+            writer.write(connections[topic], received_ns, serialized)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Record until SIGINT or SIGTERM, or --seconds; prints {"topic": [messages, lost]} as JSON."""
+    parser = argparse.ArgumentParser(prog="room_layout_ros.recording", description=__doc__)
+    parser.add_argument("topics", nargs="+")
+    parser.add_argument("--out", type=Path, required=True, metavar="BAG", help="folder to be made")
+    parser.add_argument("--seconds", type=float, default=float("inf"))
+    options = parser.parse_args(args)
+    try:
+        rclpy.init(args=[])
+        try:
+            recorder = Recorder(options.out, options.topics)
+        except ValueError as error:
+            print(f"recording: {error}", file=sys.stderr)
+            return 2
+        _spin(recorder, options.seconds)
+        print(json.dumps({t: [recorder.counts[t], recorder.lost[t]] for t in sorted(recorder.counts)}), flush=True)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        try_shutdown()
+    return 0
+
+
+def _spin(recorder: Recorder, seconds: float) -> None:
+    executor = SingleThreadedExecutor()
+    executor.add_node(recorder)
+    end = time.monotonic() + seconds
+    try:
+        while recorder.context.ok() and time.monotonic() < end:
+            executor.spin_once(timeout_sec=0.1)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        recorder.close()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
