@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
-from installed import copy_sources, environment, make_environment
+from installed import copy_sources, environment, make_environment, run_node_until_seen
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
@@ -215,6 +215,26 @@ def test_the_installed_command_runs_its_own_copy(pip_environment: Path, tmp_path
     command = pip_environment / "bin" / "room-layout"
     version = subprocess.run([command, "--version"], cwd=tmp_path, env=env, capture_output=True, text=True, timeout=60)
     assert "0.1.0" in version.stdout, version.stderr
+
+
+@pytest.mark.dds
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["bin/estimator"],
+        ["bin/lifecycle_estimator"],
+        ["bin/python", "-m", "room_layout_ros.node"],
+        ["lib/room_layout_ros/estimator"],
+        ["lib/room_layout_ros/lifecycle_estimator"],
+    ],
+    ids=" ".join,
+)
+def test_every_way_to_start_the_installed_node(pip_environment: Path, tmp_path: Path, command: list[str]) -> None:
+    env = environment(pip_environment, path=Path("/nonexistent"))  # not helped by an activated environment
+    program, *arguments = command
+    code, output = run_node_until_seen([str(pip_environment / program), *arguments], env, tmp_path)
+    assert code == 0, output
+    assert "Traceback" not in output
 
 
 def test_the_editable_environment_has_the_command(repository: Path) -> None:
