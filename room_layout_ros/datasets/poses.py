@@ -64,11 +64,11 @@ def _pose(words: Sequence[str], where: str) -> Pose:
 
 
 def write_poses(path: Path, poses: Mapping[str, Pose]) -> None:
-    """Write `NAME tx ty tz qx qy qz qw` lines with every digit that matters."""
+    """Write `NAME tx ty tz qx qy qz qw` lines with twelve digits."""
     lines = ["# name tx ty tz qx qy qz qw (optical frame in the world, metres)"]
     for name, pose in poses.items():
         values = [*pose[:3, 3], *Rotation.from_matrix(pose[:3, :3]).as_quat()]
-        lines.append(" ".join([name, *(repr(float(v)) for v in values)]))
+        lines.append(" ".join([name, *(f"{v:.12g}" for v in values)]))
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 

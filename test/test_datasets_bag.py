@@ -1,0 +1,285 @@
+"""Bags: frames go in and come out bit by bit; pairing, topics and damage as stated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from frames_on_disk import SMALL, assert_same_samples, make_samples, write_folder
+
+from room_layout_ros.datasets import BadFrame, CameraCalibration, DataError, Sample, good_samples, open_source
+from room_layout_ros.datasets import bag_messages as messages
+from room_layout_ros.datasets.bag_topics import choose_topics
+from room_layout_ros.datasets.convert import calibration_of, copy_frames
+from room_layout_ros.datasets.writers import STORAGES, BagWriter, FolderWriter
+
+pytest.importorskip("rosbags", reason="rosbags is not installed (extra playback)")
+
+IMAGE, INFO = messages.IMAGE, messages.CAMERA_INFO
+
+
+def write_bag(path: Path, samples: list[Sample], storage: str = "mcap") -> Path:
+    with BagWriter(path, storage=storage) as writer:
+        for sample in samples:
+            writer.write(sample)
+    return path
+
+
+def write_raw(path: Path, items: list[tuple[str, str, int, bytes]]) -> Path:
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections: dict[str, Any] = {}
+        for topic, kind, time_ns, raw in items:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=messages.typestore())
+            writer.write(connections[topic], time_ns, raw)
+    return path
+
+
+def color_at(stamp_ns: int, value: int = 7, frame_id: str = "optical") -> bytes:
+    return messages.encode_image_message(np.full((48, 64, 3), value, np.uint8), "rgb8", stamp_ns, frame_id)
+
+
+def depth_at(stamp_ns: int, frame_id: str = "optical") -> bytes:
+    return messages.encode_image_message(np.full((48, 64), 1500, np.uint16), "16UC1", stamp_ns, frame_id)
+
+
+def info_at(stamp_ns: int) -> bytes:
+    return messages.encode_camera_info(CameraCalibration.from_intrinsics(SMALL), stamp_ns, "optical")
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_a_folder_survives_the_way_through_a_bag_byte_by_byte(
+    tmp_path: Path, rng: np.random.Generator, storage: str
+) -> None:
+    samples = make_samples(4, rng)
+    folder = open_source(write_folder(tmp_path / "a", samples))
+    copy_frames(folder, BagWriter(tmp_path / "bag", calibration_of(folder), storage))
+    bag = open_source(tmp_path / "bag")
+    assert bag.length == 4
+    assert_same_samples(list(good_samples(bag)), samples)
+    copy_frames(bag, FolderWriter(tmp_path / "b", calibration_of(bag)))
+    files = sorted(p.relative_to(tmp_path / "a") for p in (tmp_path / "a").rglob("*") if p.is_file())
+    assert files == sorted(p.relative_to(tmp_path / "b") for p in (tmp_path / "b").rglob("*") if p.is_file())
+    for file in files:
+        if file.name != "poses.txt":  # matrix to quaternion and back moves the last bit; compared above
+            assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes(), file
+
+
+def test_real_frames_survive_the_way_through_a_bag(data_root: Path, tmp_path: Path) -> None:
+    from room_layout_ros.datasets import open_folder
+
+    folder = open_folder(data_root / "nyuv2").subset(("0059", "0219"))
+    copy_frames(folder, BagWriter(tmp_path / "bag", calibration_of(folder)))
+    assert_some_equal(list(good_samples(open_source(tmp_path / "bag"))), [folder.read("0059"), folder.read("0219")])
+    assert calibration_of(open_source(tmp_path / "bag")) == folder.calibration
+
+
+def assert_some_equal(actual: list[Sample], expected: list[Sample]) -> None:
+    assert [s.name for s in actual] == [s.name for s in expected]
+    for a, b in zip(actual, expected, strict=True):
+        np.testing.assert_array_equal(a.frame.color, b.frame.color)
+        np.testing.assert_array_equal(a.frame.depth_m, b.frame.depth_m)
+
+
+def test_depth_finer_than_a_millimetre_is_kept_in_bags(tmp_path: Path, rng: np.random.Generator) -> None:
+    from dataclasses import replace
+
+    (sample,) = make_samples(1, rng)
+    fine = rng.uniform(0.5, 5.0, (48, 64)).astype(np.float32)
+    write_bag(tmp_path / "bag", [replace(sample, frame=replace(sample.frame, depth_m=fine))])
+    (read,) = good_samples(open_source(tmp_path / "bag"))
+    np.testing.assert_array_equal(read.frame.depth_m, fine)
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_a_storage_file_alone_opens_too(tmp_path: Path, rng: np.random.Generator, storage: str) -> None:
+    bag = write_bag(tmp_path / "bag", make_samples(2, rng), storage)
+    (bag / "metadata.yaml").unlink()
+    file = next(p for p in bag.iterdir())
+    assert len(list(good_samples(open_source(bag)))) == 2
+    assert len(list(good_samples(open_source(file)))) == 2
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+@pytest.mark.parametrize("share", (0.0, 0.3, 0.97))
+def test_a_cut_bag_is_one_sentence(tmp_path: Path, rng: np.random.Generator, storage: str, share: float) -> None:
+    bag = write_bag(tmp_path / "bag", make_samples(5, rng), storage)
+    file = next(p for p in bag.iterdir() if p.name != "metadata.yaml")
+    content = file.read_bytes()
+    file.write_bytes(content[: int(len(content) * share)])
+    with pytest.raises(DataError) as caught:
+        list(open_source(bag))
+    assert "\n" not in str(caught.value)
+    assert str(tmp_path) in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["", "[", "rosbag2_bagfile_information: 3", "a: b"])
+def test_bad_metadata_is_one_sentence(tmp_path: Path, rng: np.random.Generator, text: str) -> None:
+    bag = write_bag(tmp_path / "bag", make_samples(1, rng))
+    (bag / "metadata.yaml").write_text(text)
+    with pytest.raises(DataError, match="cannot be opened"):
+        open_source(bag)
+
+
+def test_colour_pairs_exactly_before_nearest(tmp_path: Path) -> None:
+    ms = 1_000_000
+    items = [("/rgb/camera_info", INFO, 0, info_at(1))]
+    for stamp, value in ((99 * ms, 1), (100 * ms, 2), (131 * ms, 3), (300 * ms, 4)):
+        items.append(("/rgb/image", IMAGE, stamp, color_at(stamp, value)))
+    items += [("/depth/image", IMAGE, s + ms // 2, depth_at(s)) for s in (100 * ms, 133 * ms, 200 * ms)]
+    frames = list(open_source(write_raw(tmp_path / "bag", sorted(items, key=lambda i: i[2]))))
+    assert isinstance(frames[0], Sample)
+    assert isinstance(frames[1], Sample)
+    assert isinstance(frames[2], BadFrame)
+    assert frames[0].frame.color is not None
+    assert frames[1].frame.color is not None
+    assert frames[0].frame.color[0, 0, 0] == 2
+    assert frames[1].frame.color[0, 0, 0] == 3
+    assert "no colour image within 20 ms" in frames[2].error
+
+
+def test_colour_that_comes_later_still_pairs(tmp_path: Path) -> None:
+    ms = 1_000_000
+    items = [("/rgb/camera_info", INFO, 0, info_at(1))]
+    for i in range(1, 6):
+        items.append(("/depth/image", IMAGE, 33 * i * ms, depth_at(33 * i * ms)))
+        items.append(("/rgb/image", IMAGE, (33 * i + 400) * ms, color_at(33 * i * ms, i)))
+    frames = list(good_samples(open_source(write_raw(tmp_path / "bag", sorted(items, key=lambda i: i[2])))))
+    assert [int(f.frame.color[0, 0, 0]) for f in frames if f.frame.color is not None] == [1, 2, 3, 4, 5]
+
+
+def test_depth_in_another_frame_is_refused_unless_the_user_knows_better(tmp_path: Path) -> None:
+    items = [
+        ("/rgb/camera_info", INFO, 1, info_at(1)),
+        ("/rgb/image", IMAGE, 1, color_at(1)),
+        ("/depth/image", IMAGE, 1, depth_at(1, "depth_optical")),
+    ]
+    path = write_raw(tmp_path / "bag", items)
+    (frame,) = open_source(path)
+    assert isinstance(frame, BadFrame)
+    assert "depth_optical" in frame.error
+    assert "'optical'" in frame.error
+    assert len(list(good_samples(open_source(path, assume_registered=True)))) == 1
+
+
+def test_a_damaged_message_is_an_error_value_for_its_frame(tmp_path: Path) -> None:
+    items = [
+        ("/rgb/camera_info", INFO, 1, info_at(1)),
+        ("/depth/image", IMAGE, 1, depth_at(1)),
+        ("/depth/image", IMAGE, 2, depth_at(2)[:100]),
+        ("/depth/image", IMAGE, 3, depth_at(3)),
+    ]
+    frames = list(open_source(write_raw(tmp_path / "bag", items)))
+    assert [type(f) for f in frames] == [Sample, BadFrame, Sample]
+
+
+def test_a_bag_without_calibration_or_images_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="no camera_info"):
+        open_source(write_raw(tmp_path / "a", [("/depth/image", IMAGE, 1, depth_at(1))]))
+    with pytest.raises(DataError, match="no colour or depth images"):
+        open_source(write_raw(tmp_path / "b", [("/rgb/camera_info", INFO, 1, info_at(1))]))
+
+
+REALSENSE = {
+    "/camera/camera/color/image_raw": IMAGE,
+    "/camera/camera/color/camera_info": INFO,
+    "/camera/camera/depth/image_rect_raw": IMAGE,
+    "/camera/camera/depth/camera_info": INFO,
+    "/camera/camera/aligned_depth_to_color/image_raw": IMAGE,
+    "/camera/camera/aligned_depth_to_color/camera_info": INFO,
+    "/camera/camera/infra1/image_rect_raw": IMAGE,
+}
+OAK = {
+    "/oak/rgb/image_rect": IMAGE,
+    "/oak/rgb/camera_info": INFO,
+    "/oak/stereo/depth": IMAGE,
+    "/oak/left/image_rect": IMAGE,
+    "/oak/left/camera_info": INFO,
+    "/oak/right/image_rect": IMAGE,
+}
+
+
+def test_topics_of_usual_cameras_are_found() -> None:
+    chosen = choose_topics(REALSENSE)
+    assert chosen.color == "/camera/camera/color/image_raw"
+    assert chosen.depth == "/camera/camera/aligned_depth_to_color/image_raw"
+    assert chosen.info == "/camera/camera/color/camera_info"
+    chosen = choose_topics(OAK)
+    assert (chosen.color, chosen.depth, chosen.info) == (
+        "/oak/rgb/image_rect",
+        "/oak/stereo/depth",
+        "/oak/rgb/camera_info",
+    )
+
+
+def test_two_equal_cameras_are_not_guessed() -> None:
+    two = {f"/{side}/color/image_raw": IMAGE for side in ("front", "back")} | {"/front/color/camera_info": INFO}
+    with pytest.raises(DataError, match="--color-topic"):
+        choose_topics(two)
+    assert choose_topics(two, color_topic="/front/color/image_raw").info == "/front/color/camera_info"
+    with pytest.raises(DataError, match="no image topic /nose"):
+        choose_topics(two, color_topic="/nose")
+
+
+def image_message(pixels: np.ndarray[Any, Any], encoding: str, step: int, big: int, data: bytes) -> Any:
+    raw = messages.encode_image_message(pixels, encoding, 5, "optical")
+    message = messages.decode(raw, IMAGE)
+    message.step, message.is_bigendian, message.data = step, big, np.frombuffer(data, np.uint8)
+    return message
+
+
+@pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "rgba8", "bgra8", "mono8"])
+def test_colour_decodes_as_the_node_decodes_it(encoding: str, rng: np.random.Generator) -> None:
+    from msg_adapters.image import decode_color
+
+    channels = {"mono8": 1, "rgba8": 4, "bgra8": 4}.get(encoding, 3)
+    rows = rng.integers(0, 256, (48, 64 * channels + 5)).astype(np.uint8)  # five bytes of padding
+    message = image_message(np.zeros((48, 64), np.uint8), encoding, rows.shape[1], 0, rows.tobytes())
+    message.height, message.width = 48, 64
+    np.testing.assert_array_equal(messages.decode_color(message), decode_color(message))
+
+
+@pytest.mark.parametrize("encoding", ["16UC1", "mono16", "32FC1"])
+@pytest.mark.parametrize("big", [0, 1])
+def test_depth_decodes_as_the_node_decodes_it(encoding: str, big: int, rng: np.random.Generator) -> None:
+    from msg_adapters.image import decode_depth
+
+    if encoding == "32FC1":
+        values = rng.uniform(-1, 9, (48, 64)).astype(np.float32)
+        values[:3] = [[np.nan], [np.inf], [0.0]]
+    else:
+        values = rng.integers(0, 9000, (48, 64)).astype(np.uint16)
+    content = (values.byteswap() if big else values).tobytes()
+    message = image_message(values, encoding, values.itemsize * 64, big, content)
+    np.testing.assert_array_equal(messages.decode_depth(message), decode_depth(message))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"encoding": "yuv422"}, "encoding"),
+        ({"step": 3}, "rows of 3"),
+        ({"height": 0}, "each side"),
+        ({"width": 2**31}, "each side"),
+        ({"data": np.zeros(5, np.uint8)}, "5 bytes"),
+    ],
+)
+def test_images_that_do_not_add_up_are_refused(change: dict[str, Any], words: str) -> None:
+    message = messages.decode(color_at(1), IMAGE)
+    for name, value in change.items():
+        setattr(message, name, value)
+    with pytest.raises(DataError, match=words):
+        messages.decode_color(message)
+
+
+def test_binning_and_region_match_the_node() -> None:
+    from msg_adapters.camera_info import decode_camera_info
+
+    message = messages.decode(info_at(1), INFO)
+    message.binning_x = message.binning_y = 2
+    message.roi.x_offset, message.roi.y_offset, message.roi.width, message.roi.height = 4, 6, 40, 30
+    assert messages.decode_calibration(message).intrinsics == decode_camera_info(message).camera

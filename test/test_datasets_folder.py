@@ -1,0 +1,179 @@
+"""Frames folders: what is there is read exactly, what is wrong is said in one sentence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from frames_on_disk import assert_same_samples, make_samples, write_folder
+
+from room_layout_ros.core.labels import CLUTTER
+from room_layout_ros.datasets import (
+    BadFrame,
+    DataError,
+    FramesFolder,
+    FrameSource,
+    Sample,
+    good_samples,
+    labels_from_classes,
+    open_source,
+)
+from room_layout_ros.datasets.calibration import read_calibration, write_calibration
+from room_layout_ros.datasets.images import depth_from_millimetres, depth_to_millimetres, read_depth
+
+
+@pytest.fixture
+def folder(tmp_path: Path, rng: np.random.Generator) -> Path:
+    return write_folder(tmp_path / "frames", make_samples(3, rng))
+
+
+def test_a_written_folder_reads_back_equal(tmp_path: Path, rng: np.random.Generator) -> None:
+    samples = make_samples(3, rng)
+    source = open_source(write_folder(tmp_path / "frames", samples))
+    assert isinstance(source, FrameSource)
+    assert source.length == 3
+    assert_same_samples(list(good_samples(source)), samples)
+
+
+def test_millimetres_survive_metres_and_back_for_every_value() -> None:
+    every = np.arange(65536, dtype=np.uint16).reshape(256, 256)
+    np.testing.assert_array_equal(depth_to_millimetres(depth_from_millimetres(every)), every)
+
+
+def test_labels_are_faces_on_structure_clutter_elsewhere_and_unknown_where_unlabelled() -> None:
+    layout = np.array([[1, 2, 3, 4, 5]], np.uint8)
+    classes = np.array([[22, 2, 5, 0, 9]], np.uint8)
+    np.testing.assert_array_equal(labels_from_classes(layout, classes), [[1, 2, CLUTTER, 0, 5]])
+
+
+def test_real_frames_are_read_whole_with_their_classes(data_root: Path) -> None:
+    source = open_source(data_root / "nyuv2")
+    assert isinstance(source, FramesFolder)
+    assert source.length == 1050
+    sample = source.read("0059")
+    assert sample.frame.color is not None
+    assert sample.frame.color.shape == (480, 640, 3)
+    assert sample.truth is not None
+    assert sample.truth.layout is not None
+    assert set(np.unique(sample.truth.layout)) <= {0, 1, 2, 3, 4, 5}
+    assert source.subset(("0059", "0006")).read("0006").name == "0006"
+
+
+def test_folders_without_stamps_run_at_30_hz_and_never_at_stamp_zero(data_root: Path) -> None:
+    source = open_source(data_root / "corridor")
+    stamps = [item.frame.stamp_ns for item, _ in zip(good_samples(source), range(4), strict=False)]
+    assert stamps[0] > 0
+    np.testing.assert_allclose(np.diff(stamps), 1e9 / 30, atol=1)
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-200])
+
+
+@pytest.mark.parametrize(
+    ("file", "damage", "words"),
+    [
+        ("rgb/frame_007.png", cut, "cut"),
+        ("depth/frame_007.png", cut, "cut"),
+        ("depth/frame_007.png", Path.unlink, "missing"),
+        ("rgb/frame_007.png", Path.unlink, "missing"),
+        ("rgb/frame_007.png", lambda p: p.write_bytes(b"not a picture"), "neither PNG nor JPEG"),
+        ("rgb/frame_007.png", lambda p: p.write_bytes(b""), "neither PNG nor JPEG"),
+    ],
+)
+def test_a_bad_file_is_an_error_value_for_its_frame_alone(folder: Path, file: str, damage, words: str) -> None:  # type: ignore[no-untyped-def]
+    damage(folder / file)
+    items = list(open_source(folder))
+    assert [type(item) for item in items] == [Sample, BadFrame, Sample]
+    assert isinstance(items[1], BadFrame)
+    assert words in items[1].error
+    assert "007" in items[1].error
+
+
+def test_a_picture_of_another_size_is_refused_with_both_sizes(folder: Path, rng: np.random.Generator) -> None:
+    from room_layout_ros.datasets.images import write_image
+
+    write_image(folder / "rgb" / "frame_000.png", rng.integers(0, 255, (30, 40, 3)).astype(np.uint8))
+    first = next(iter(open_source(folder)))
+    assert isinstance(first, BadFrame)
+    assert "(30, 40, 3)" in first.error
+    assert "(48, 64, 3)" in first.error
+
+
+def test_eight_bit_depth_is_refused(folder: Path) -> None:
+    from room_layout_ros.datasets.images import write_image
+
+    write_image(folder / "depth" / "frame_000.png", np.ones((48, 64), np.uint8))
+    with pytest.raises(DataError, match="uint16 millimetres"):
+        read_depth(folder / "depth" / "frame_000.png")
+
+
+def test_a_folder_of_colour_alone_gives_frames_without_depth(folder: Path) -> None:
+    for path in (folder / "depth").iterdir():
+        path.unlink()
+    (folder / "depth").rmdir()
+    assert [s.frame.depth_m for s in good_samples(open_source(folder))] == [None] * 3
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, "missing"),
+        ("a: [1", "not readable as YAML"),
+        ("just words", "no camera calibration"),
+        ("image_width: 640\nimage_height: 480\n", "no camera_matrix"),
+        ("image_width: 64\nimage_height: 48\ncamera_matrix: {data: [1, 0, 0]}\n", "3 numbers"),
+        ("image_width: 64\nimage_height: 48\ncamera_matrix: {data: [0,0,0,0,0,0,0,0,1]}\n", "calibrated"),
+        ("image_width: wide\nimage_height: 48\ncamera_matrix: {data: [9,0,9,0,9,9,0,0,1]}\n", "image_width"),
+        ("a: &x [1]\nb: [*x, *x]\n", "aliases"),
+        ("x" * 70000, "at most"),
+    ],
+)
+def test_a_bad_calibration_refuses_the_folder_in_one_sentence(folder: Path, text: str | None, words: str) -> None:
+    (folder / "camera.yaml").unlink()
+    if text is not None:
+        (folder / "camera.yaml").write_text(text)
+    with pytest.raises(DataError, match=words) as caught:
+        open_source(folder)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_calibration_reads_back_equal(data_root: Path, tmp_path: Path) -> None:
+    calibration = read_calibration(data_root / "corridor" / "camera.yaml")
+    assert calibration.is_distorted
+    write_calibration(tmp_path / "camera.yaml", calibration)
+    assert read_calibration(tmp_path / "camera.yaml") == calibration
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("frame_000 1 2 3", "is no pose"),
+        ("frame_000 1 2 3 0 0 0 nan", "is no pose"),
+        ("frame_000 1 2 3 0 0 0 2", "length 2"),
+        ("1.5 1 2 3 0 0 0 1", "1 poses for 3 frames"),
+    ],
+)
+def test_bad_poses_are_refused(folder: Path, line: str, words: str) -> None:
+    (folder / "poses.txt").write_text(line + "\n")
+    with pytest.raises(DataError, match=words):
+        open_source(folder)
+
+
+def test_tum_poses_without_names_go_to_the_frames_in_order(folder: Path) -> None:
+    (folder / "poses.txt").write_text("".join(f"{i}.5 {i} 0 0 0 0 0 1\n" for i in range(3)))
+    xs = [s.T_world_camera[0, 3] for s in good_samples(open_source(folder)) if s.T_world_camera is not None]
+    assert xs == [0.0, 1.0, 2.0]
+
+
+@pytest.mark.parametrize("make", [lambda p: None, lambda p: p.mkdir(), lambda p: p.write_bytes(b"x")])
+def test_what_is_no_source_is_refused(tmp_path: Path, make) -> None:  # type: ignore[no-untyped-def]
+    make(tmp_path / "thing")
+    with pytest.raises(DataError, match="thing"):
+        open_source(tmp_path / "thing")
+
+
+def test_nothing_is_written_over_an_existing_folder(folder: Path, rng: np.random.Generator) -> None:
+    with pytest.raises(DataError, match="exists already"):
+        write_folder(folder, make_samples(1, rng))
