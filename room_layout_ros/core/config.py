@@ -106,6 +106,7 @@ class EstimatorConfig:
         "blocks of the model that are used",
         choices=("full", "paper", "rgb", "om_only", "gc_only", "no_compatibility", "no_planes", "no_pairs"),
     )
+    joint_bound: bool = _p(False, "compute the lower bound of the joint energy too")
     labelling_sweeps: int = _p(10, "sweeps of message passing at most", "", 1, 1000)
 
     def __post_init__(self) -> None:

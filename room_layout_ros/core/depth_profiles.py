@@ -13,13 +13,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .labels import FRONT_WALL, N_FACES
+from .labels import FRONT_WALL
 from .layout import FACE_AXIS, FACE_SIGN
 
 NEAREST_M = 0.2
 FARTHEST_M = 15.0
 N_OFFSETS = 256
 _STEP = float(np.log(FARTHEST_M / NEAREST_M) / (N_OFFSETS - 1))
+_LOG_OFFSETS = np.log(NEAREST_M) + _STEP * np.arange(N_OFFSETS)
 _TOLERANCE_M = 0.03
 """Unevenness of real walls, on top of the sensor's noise."""
 
@@ -67,10 +68,10 @@ def compute_depth_profiles(
     scale_count : int
         Candidates for the distance of the front wall: the strongest peaks of its support, then an even spread.
     """
-    support, violation = _profiles(
-        points, agreement, structure, sigma, FACE_AXIS, FACE_SIGN, N_OFFSETS, np.log(NEAREST_M), _STEP, _TOLERANCE_M
-    )
     offsets = NEAREST_M * np.exp(_STEP * np.arange(N_OFFSETS))
+    support, violation = _profiles(
+        points, agreement, structure, sigma, FACE_AXIS, FACE_SIGN, offsets, np.log(NEAREST_M), _STEP, _TOLERANCE_M
+    )
     front = FRONT_WALL - 1
     scales = _scales(offsets, support[front] - violation[front], support[front], scale_count)
     return DepthProfiles(offsets, support, violation, scales)
@@ -94,35 +95,39 @@ def _extent(offsets: NDArray[np.float64], balance: NDArray[np.float64], support:
 
 
 def _interpolate(profile: NDArray[np.float64], distances: NDArray[np.float64]) -> NDArray[np.float64]:
-    with np.errstate(divide="ignore"):
-        position = (np.log(distances) - np.log(NEAREST_M)) / _STEP
-    values = np.interp(position, np.arange(len(profile)), profile)
+    values = np.interp(np.log(distances), _LOG_OFFSETS, profile)
     return np.where(np.isfinite(distances), values, 0.0)
 
 
 @njit(cache=True, nogil=True)
-def _profiles(points, agreement, structure, sigma, face_axis, face_sign, n, start, step, tolerance):  # type: ignore[no-untyped-def]
+def _profiles(points, agreement, structure, sigma, face_axis, face_sign, offsets, start, step, tolerance):  # type: ignore[no-untyped-def]
+    n = len(offsets)
     support = np.zeros((5, n))
     violation = np.zeros((5, n))
+    whole = np.zeros((5, n + 1))  # cells that lie wholly beyond every offset before a bin
     share = 1.0 / len(points)
     for c in range(len(points)):
         if not points[c, 2] == points[c, 2]:
             continue
         width = 2.0 * np.sqrt(sigma[c] ** 2 + tolerance**2)
-        for k in range(N_FACES):
+        for k in range(5):
             axis = face_axis[k]
             offset = face_sign[k] * points[c, axis]
-            near = offset - width
-            if offset + width <= 0.0:
+            if offset + width <= offsets[0]:
                 continue
             weight = share * agreement[c, axis] * structure[c, k]
-            first = 0 if near <= 0.0 else max(0, int(np.ceil((np.log(near) - start) / step)))
-            last = min(n - 1, int(np.floor((np.log(offset + width) - start) / step)))
-            for b in range(min(first, n)):
-                violation[k, b] += share
-            for b in range(first, last + 1):  # a triangle of support; violation falls off where the plane passes the cell
-                gap = (np.exp(start + b * step) - offset) / width
+            near = offset - width
+            b = 0 if near <= offsets[0] else min(n, int(np.ceil((np.log(near) - start) / step)))
+            whole[k, b] += share
+            while b < n and offsets[b] < offset + width:  # a triangle of support; violation falls off across the cell
+                gap = (offsets[b] - offset) / width
                 support[k, b] += weight * (1.0 - abs(gap))
                 if gap < 0.0:
                     violation[k, b] += share * gap * gap
+                b += 1
+    for k in range(5):
+        beyond = 0.0
+        for b in range(n - 1, -1, -1):
+            beyond += whole[k, b + 1]
+            violation[k, b] += beyond
     return support, violation

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from .depth_profiles import DepthProfiles
@@ -100,9 +101,16 @@ class JointProblem:
 
     def by_superpixel(self, per_atom: NDArray[np.float64]) -> NDArray[np.float64]:
         """Sum (A, n) values over the atoms of each superpixel: (K, n)."""
-        nodes, columns = len(self.label_gc), per_atom.shape[1]
-        index = (self.atom_superpixel[:, None] * columns + np.arange(columns)).ravel()
-        return np.bincount(index, per_atom.ravel(), nodes * columns).reshape(nodes, columns)
+        return _sum_by(np.ascontiguousarray(per_atom), self.atom_superpixel, len(self.label_gc))
+
+
+@njit(cache=True, nogil=True)
+def _sum_by(values, group, groups):  # type: ignore[no-untyped-def]
+    result = np.zeros((groups, values.shape[1]))
+    for a in range(len(values)):
+        for k in range(values.shape[1]):
+            result[group[a], k] += values[a, k]
+    return result
 
 
 @dataclass(frozen=True, slots=True)

@@ -138,8 +138,7 @@ def read_tables(
         table = _read(
             boxes[box_offset[q] : box_offset[q + 1]].reshape(i, j),
             sectors[sector_offset[q] : sector_offset[q + 1]].reshape(j, bins),
-            grid.states[QUADRANT_VERTICAL[q]], grid.states[QUADRANT_HORIZONTAL[q]], grid.edges[q],
-            total[q], behind[q],
+            grid.corner_bin[q], grid.corner_share[q], total[q], behind[q],
         )  # fmt: skip
         tables.append(table)
     return tables[0], tables[1], tables[2], tables[3]
@@ -153,7 +152,8 @@ def face_counts(counts: CellCounts, layout: tuple[int, int, int, int]) -> NDArra
     grid = counts.grid
     return _face_counts(
         counts.quadrant_pixels, counts.behind_pixels, _TOP, _SIDE, _VERTICAL, _HORIZONTAL,
-        counts.boxes, counts.sectors, *_offsets(grid), grid.states, grid.state_counts, grid.edges, grid.bin_counts, np.array(layout, dtype=np.int64),
+        counts.boxes, counts.sectors, *_offsets(grid), grid.state_counts, grid.bin_counts,
+        *_corners_of(grid, layout), np.array(layout, dtype=np.int64),
     )  # fmt: skip
 
 
@@ -183,6 +183,23 @@ def accumulate(grid: RayGrid, feature: NDArray[np.float64]) -> tuple[PairTables,
     side = read_tables(grid, np.zeros_like(boxes), sectors, none, none)
     whole = read_tables(grid, -boxes, -sectors, total, behind)
     return front, side, whole
+
+
+def keep_atoms(counts: CellCounts, keep: NDArray[np.bool_]) -> CellCounts:
+    """Return the counts of some atoms only, numbered anew in their order; the others must have no pixels."""
+    number = (np.cumsum(keep) - 1).astype(np.int32)
+    boxes, sectors = counts.boxes.copy(), counts.sectors.copy()
+    boxes[:, 0], sectors[:, 0] = number[boxes[:, 0]], number[sectors[:, 0]]
+    return CellCounts(
+        counts.grid, counts.pixels[keep], counts.quadrant_pixels[keep], counts.behind_pixels[keep], boxes, sectors
+    )
+
+
+def _corners_of(grid: RayGrid, layout: tuple[int, int, int, int]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """(4,) angle bin and share of a layout's corner in each quadrant."""
+    at = [(layout[QUADRANT_VERTICAL[q]], layout[QUADRANT_HORIZONTAL[q]]) for q in range(N_QUADRANTS)]
+    bins = np.array([grid.corner_bin[q][corner] for q, corner in enumerate(at)], dtype=np.int64)
+    return bins, np.array([grid.corner_share[q][corner] for q, corner in enumerate(at)])
 
 
 def histogram_shape(grid: RayGrid, quadrant: int) -> tuple[int, int, int]:
@@ -368,20 +385,8 @@ def _scatter(cost, top, side, box_entries, sector_entries, box_offset, sector_of
     return boxes, sectors
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _corner(a_i, a_j):  # type: ignore[no-untyped-def]
-    """t of the corner (i, j); 1 and 0 where the left/right or the ceiling/floor face is absent."""
-    if np.isinf(a_i) and np.isinf(a_j):
-        return 0.5  # nothing lies beyond such a corner
-    if np.isinf(a_j):
-        return 1.0
-    if np.isinf(a_i):
-        return 0.0
-    return a_j / (a_i + a_j)
-
-
 @njit(cache=True, nogil=True)
-def _read(boxes, sectors, vertical, horizontal, edges, total, behind):  # type: ignore[no-untyped-def]
+def _read(boxes, sectors, corner_bin, corner_share, total, behind):  # type: ignore[no-untyped-def]
     n_i, n_j = boxes.shape
     bins = sectors.shape[1]
     table = np.empty((n_i, n_j))
@@ -395,17 +400,15 @@ def _read(boxes, sectors, vertical, horizontal, edges, total, behind):  # type: 
     beyond = np.zeros(bins)
     suffix = np.zeros(bins + 1)
     for j in range(n_j - 1, -1, -1):  # suffix sums: side holds the bins > j, from the corner's angle on
+        mass = 0.0
         for t in range(bins - 1, -1, -1):
-            suffix[t] = suffix[t + 1] + beyond[t]
-        t = bins - 1
-        for i in range(n_i):  # the corner's t falls as a_i grows
-            corner = _corner(vertical[i], horizontal[j]) if i < n_i - 1 else _corner(np.inf, horizontal[j])
-            while t > 0 and corner < edges[t]:
-                t -= 1
-            share = (edges[t + 1] - corner) / (edges[t + 1] - edges[t])
-            table[i, j] += suffix[t + 1] + share * beyond[t]
-        for k in range(bins):
-            beyond[k] += sectors[j, k]
+            mass += beyond[t]
+            suffix[t] = mass
+        for i in range(n_i):
+            t = corner_bin[i, j]
+            table[i, j] += suffix[t + 1] + corner_share[i, j] * beyond[t]
+        for t in range(bins):
+            beyond[t] += sectors[j, t]
     table[n_i - 1, n_j - 1] -= behind
     return table
 
@@ -413,7 +416,7 @@ def _read(boxes, sectors, vertical, horizontal, edges, total, behind):  # type: 
 @njit(cache=True, nogil=True)
 def _face_counts(  # type: ignore[no-untyped-def]
     quadrant_pixels, behind_pixels, top, side, vertical, horizontal,
-    box_entries, sector_entries, box_offset, sector_offset, states, counts, edges, bins, layout,
+    box_entries, sector_entries, box_offset, sector_offset, counts, bins, corner_bin, corner_share, layout,
 ):  # fmt: skip
     result = np.zeros((len(quadrant_pixels), 5))
     for a in range(len(result)):
@@ -434,13 +437,10 @@ def _face_counts(  # type: ignore[no-untyped-def]
             result[box_entries[e, 0], int(cell >= box_offset[2])] -= box_entries[e, 2]
     share = np.zeros(sector_offset[4])
     for q in range(4):
-        corner = _corner(states[vertical[q], layout[vertical[q]]], states[horizontal[q], layout[horizontal[q]]])
-        t = bins[q] - 1
-        while t > 0 and corner < edges[q, t]:
-            t -= 1
+        t = corner_bin[q]
         for j in range(layout[horizontal[q]] + 1, counts[horizontal[q]]):
             start = sector_offset[q] + j * bins[q]
-            share[start + t] = (edges[q, t + 1] - corner) / (edges[q, t + 1] - edges[q, t])
+            share[start + t] = corner_share[q]
             share[start + t + 1 : start + bins[q]] = 1.0
     for e in range(len(sector_entries)):
         cell = sector_entries[e, 1]

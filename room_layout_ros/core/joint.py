@@ -125,7 +125,7 @@ def estimate_joint(
         if best is not None and expired():
             break
         problem = build_joint_problem(camera, superpixels, evidence, geometry, config)
-        solution = solve_joint(problem, weights, config, expired)
+        solution = solve_joint(problem, weights, config, expired, prove=config.joint_bound)
         energies.append(solution.energy)
         if best is None or solution.energy < best[2].energy - _NAME_TIE:
             best = (index, problem, solution)
@@ -142,6 +142,7 @@ def solve_joint(
     expired: Callable[[], bool] = lambda: False,
     extra: ExtraCosts | None = None,
     starts: tuple[RankedLayout, ...] = (),
+    prove: bool = True,
 ) -> JointSolution:
     """Minimise the joint energy over labels, layout and scale.
 
@@ -157,6 +158,8 @@ def solve_joint(
         Added to the energy (the negative loss, for learning).
     starts : RankedLayout, optional
         Further layouts to start from (the previous frame's); their energies are not read.
+    prove : bool
+        False leaves the lower bound at -inf.
     """
     solver = _Alternation(problem, weights, config, expired, extra)
     best: _State | None = None
@@ -168,7 +171,7 @@ def solve_joint(
             break
     if best is None:
         raise AssertionError("a layout search without a start")
-    return solver.conclude(best)
+    return solver.conclude(best, prove)
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,7 +280,7 @@ class _Alternation:
         unary = alone.unary + coupling(self.problem, self.weights, layout)
         return solve_labelling(LabelProblem(unary, alone.edges, alone.pairwise), self.config.labelling_sweeps, start)
 
-    def conclude(self, state: _State) -> JointSolution:
+    def conclude(self, state: _State, prove: bool) -> JointSolution:
         """Add bound and confidences to the best state."""
         finished = not self.expired()
         tables = layout_tables(self.problem, self.weights, state.labelling.labels, self.extra)
@@ -288,7 +291,7 @@ class _Alternation:
             scale=state.placed.scale,
             labels=state.labelling.labels,
             energy=state.energy,
-            bound=self.bound(state) if finished else -np.inf,
+            bound=self.bound(state) if prove and finished else -np.inf,
             energies=state.energies,
             face_confidence=_face_confidence(self.problem, full, state.placed.layout, self.config.layout_temperature),
             finished=finished,

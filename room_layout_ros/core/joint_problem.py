@@ -13,7 +13,7 @@ from .depth_layout import gather_evidence
 from .depth_profiles import DepthProfiles, compute_depth_profiles
 from .energies import ExtraCosts, JointProblem
 from .frame import CameraIntrinsics
-from .integral_geometry import count_cells
+from .integral_geometry import count_cells, keep_atoms
 from .labels import N_FACES, N_LABELS
 from .ray_grid import compute_ray_grid
 from .superpixels import Superpixels
@@ -81,15 +81,17 @@ def build_joint_problem(
                 raise ValueError(f"evidence image is {image.dtype} {image.shape}; uint8 {atoms.shape} is needed")
             atoms = atoms * np.int32(_N_ORIENTATIONS) + image
             per_superpixel *= _N_ORIENTATIONS
-    number = np.arange(K * per_superpixel)
+    R = evidence.R_room_camera
+    grid = compute_ray_grid(camera, R, config.layout_rays, config.layout_angle_bins)
+    counts = count_cells(grid, atoms, K * per_superpixel, config.layout_pixel_step)
+    held = counts.pixels > 0
+    counts = keep_atoms(counts, held)
+    number = np.flatnonzero(held)
     region = (number % _N_ORIENTATIONS if regions is not None else np.zeros_like(number)).astype(np.uint8)
     of_orientation = number // _N_ORIENTATIONS if regions is not None else number
     orientation = of_orientation % _N_ORIENTATIONS if evidence.orientation is not None else np.zeros_like(number)
     atom_superpixel = (number // per_superpixel).astype(np.int32)
 
-    R = evidence.R_room_camera
-    grid = compute_ray_grid(camera, R, config.layout_rays, config.layout_angle_bins)
-    counts = count_cells(grid, atoms, len(number), config.layout_pixel_step)
     context = np.full((K, N_LABELS), 1.0 / N_LABELS) if evidence.context is None else np.asarray(evidence.context, np.float64)
     orientation_map = np.eye(_N_ORIENTATIONS)[orientation, 1:]
     weight = np.bincount(atom_superpixel, counts.pixels, K)

@@ -12,10 +12,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from .labels import N_LABELS
+
+
+_WIDTH = N_LABELS
+
 
 @dataclass(frozen=True, slots=True)
 class LabelProblem:
-    """Costs of labelling K nodes with L labels.
+    """Costs of labelling K nodes with L <= 6 labels.
 
     Parameters
     ----------
@@ -37,6 +42,8 @@ class LabelProblem:
 
     def __post_init__(self) -> None:
         nodes, labels = self.unary.shape
+        if not 1 <= labels <= _WIDTH:
+            raise ValueError(f"problem has {labels} labels; allowed are 1 to {_WIDTH}")
         if self.edges.shape != (len(self.edges), 2) or self.pairwise.shape != (len(self.edges), labels, labels):
             raise ValueError(
                 f"{self.edges.shape} edges with {self.pairwise.shape} costs; (E, 2) and (E, {labels}, {labels}) are needed"
@@ -65,7 +72,7 @@ class Labelling:
     ----------
     labels : (K,) int64 indices from 0.
     energy : its cost. bound : no labelling costs less.
-    messages : (E, 2, L) float64 to j and to i, for a warm start.
+    messages : (E, 2, 6) float64 to j and to i, for a warm start.
     """
 
     labels: NDArray[np.int64]
@@ -85,18 +92,34 @@ def solve_labelling(problem: LabelProblem, sweeps: int = 20, start: Labelling | 
     start : Labelling, optional
         Of a similar problem on the same edges. Its messages warm-start the sweeps, and the result costs no more than its labels.
     """
-    nodes, labels = problem.unary.shape
+    nodes, _ = problem.unary.shape
     if start is None:
-        messages = np.zeros((len(problem.edges), 2, labels))
+        messages = np.zeros((len(problem.edges), 2, _WIDTH))
         first = problem.unary.argmin(axis=1)
     else:
         messages, first = start.messages.copy(), start.labels
     order = _adjacency(nodes, problem.edges)
     solution, energy, bound = _trws(
-        np.ascontiguousarray(problem.unary), problem.edges, np.ascontiguousarray(problem.pairwise), *order,
+        *_padded(problem), *order,
         messages, first.astype(np.int64), sweeps,
     )  # fmt: skip
     return Labelling(solution, float(energy), float(bound), messages)
+
+
+def _padded(problem: LabelProblem) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
+    """Unary costs, edges, and pairwise costs both ways, (2, E, 6, 6): of (first, second) and of (second, first).
+
+    Kernels have loops of a fixed number of labels, which the compiler unrolls; missing ones cost more than any labelling.
+    """
+    labels = problem.unary.shape[1]
+    both = np.stack([problem.pairwise, problem.pairwise.transpose(0, 2, 1)])
+    if labels == _WIDTH:
+        return np.ascontiguousarray(problem.unary), problem.edges, both
+    unary = np.full((len(problem.unary), _WIDTH), 1.0 + 2.0 * (np.abs(problem.unary).sum() + np.abs(problem.pairwise).sum()))
+    unary[:, :labels] = problem.unary
+    pairwise = np.zeros((2, len(problem.edges), _WIDTH, _WIDTH))
+    pairwise[:, :, :labels, :labels] = both
+    return unary, problem.edges, pairwise
 
 
 def _adjacency(nodes: int, edges: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -111,25 +134,25 @@ def _adjacency(nodes: int, edges: NDArray[np.int32]) -> tuple[NDArray[np.int64],
 
 @njit(cache=True, nogil=True)
 def _trws(unary, edges, pairwise, starts, codes, messages, labels, sweeps):  # type: ignore[no-untyped-def]
-    nodes, n_labels = unary.shape
+    nodes = len(unary)
     best = labels.copy()
     _descend(unary, edges, pairwise, starts, codes, best)
     best_energy = _energy(unary, edges, pairwise, best)
     bound = -np.inf
     current = np.zeros(nodes, np.int64)
-    belief = np.empty(n_labels)
+    belief, out = np.empty(_WIDTH), np.empty(_WIDTH)
     for _ in range(sweeps):
         for i in range(nodes):
             _collect(unary, edges, pairwise, starts, codes, messages, current, i, belief)
             current[i] = belief.argmin()
-            _send(edges, pairwise, starts, codes, messages, unary, i, 0, belief)
+            _send(pairwise, starts, codes, messages, unary, i, 0, belief, out)
         energy = _energy(unary, edges, pairwise, current)
         if energy < best_energy - 1e-12:
             best_energy = energy
             best[:] = current
         new_bound = 0.0
         for i in range(nodes - 1, -1, -1):
-            new_bound += _send(edges, pairwise, starts, codes, messages, unary, i, 1, belief)
+            new_bound += _send(pairwise, starts, codes, messages, unary, i, 1, belief, out)
         stalled = new_bound - bound < 1e-7 * (1.0 + abs(new_bound))
         bound = max(bound, new_bound)
         if stalled or best_energy - bound < 1e-9 * (1.0 + abs(bound)):
@@ -141,32 +164,31 @@ def _trws(unary, edges, pairwise, starts, codes, messages, labels, sweeps):  # t
 @njit(cache=True, nogil=True)
 def _collect(unary, edges, pairwise, starts, codes, messages, current, i, belief):  # type: ignore[no-untyped-def]
     """Costs of node i given the labels already fixed (nodes before i) and the messages of the others."""
-    n_labels = len(belief)
-    belief[:] = unary[i]
+    for a in range(_WIDTH):
+        belief[a] = unary[i, a]
     for c in range(starts[i], starts[i + 1]):
         e, second = codes[c] >> 1, codes[c] & 1
         if second:
             other = current[edges[e, 0]]
-            for a in range(n_labels):
-                belief[a] += pairwise[e, other, a]
+            for a in range(_WIDTH):
+                belief[a] += pairwise[0, e, other, a]
         else:
-            for a in range(n_labels):
+            for a in range(_WIDTH):
                 belief[a] += messages[e, 1, a]
 
 
 @njit(cache=True, nogil=True)
-def _send(edges, pairwise, starts, codes, messages, unary, i, backward, belief):  # type: ignore[no-untyped-def]
+def _send(pairwise, starts, codes, messages, unary, i, backward, belief, out):  # type: ignore[no-untyped-def]
     """Update the messages from node i to later (backward = 0) or earlier nodes; return its part of the bound."""
-    n_labels = len(belief)
-    belief[:] = unary[i]
+    for a in range(_WIDTH):
+        belief[a] = unary[i, a]
     after, before = 0, 0
     for c in range(starts[i], starts[i + 1]):
         e, second = codes[c] >> 1, codes[c] & 1
-        incoming = 0 if second else 1
         before += second
         after += 1 - second
-        for a in range(n_labels):
-            belief[a] += messages[e, incoming, a]
+        for a in range(_WIDTH):
+            belief[a] += messages[e, 1 - second, a]
     least = belief.min()
     part = least
     share = 1.0 / max(after, before, 1)
@@ -174,36 +196,35 @@ def _send(edges, pairwise, starts, codes, messages, unary, i, backward, belief):
         e, second = codes[c] >> 1, codes[c] & 1
         if second != backward:
             continue
-        incoming = 0 if second else 1
-        out = messages[e, 1 - incoming]
-        for b in range(n_labels):
+        # to the other end: min over own label a of share * belief(a) - incoming(a) + cost
+        for b in range(_WIDTH):
             out[b] = np.inf
-        # `out` to the other end: min over own label a of share * belief(a) - incoming(a) + cost
-        for a in range(n_labels):
-            value = share * (belief[a] - least) - messages[e, incoming, a]
-            for b in range(n_labels):
-                cost = value + (pairwise[e, b, a] if second else pairwise[e, a, b])
-                out[b] = min(cost, out[b])
+        for a in range(_WIDTH):
+            value = share * (belief[a] - least) - messages[e, 1 - second, a]
+            for b in range(_WIDTH):
+                cost = value + pairwise[second, e, a, b]
+                out[b] = cost if cost < out[b] else out[b]
         low = out.min()
         part += low
-        for b in range(n_labels):
-            out[b] -= low
+        for b in range(_WIDTH):
+            messages[e, second, b] = out[b] - low
     return part
 
 
 @njit(cache=True, nogil=True)
 def _descend(unary, edges, pairwise, starts, codes, labels):  # type: ignore[no-untyped-def]
     """Relabel single nodes while that lowers the energy (iterated conditional modes)."""
-    nodes, n_labels = unary.shape
-    belief = np.empty(n_labels)
+    belief = np.empty(_WIDTH)
     for _ in range(10):
         changed = False
-        for i in range(nodes):
-            belief[:] = unary[i]
+        for i in range(len(unary)):
+            for a in range(_WIDTH):
+                belief[a] = unary[i, a]
             for c in range(starts[i], starts[i + 1]):
                 e, second = codes[c] >> 1, codes[c] & 1
-                for a in range(n_labels):
-                    belief[a] += pairwise[e, labels[edges[e, 0]], a] if second else pairwise[e, a, labels[edges[e, 1]]]
+                other = labels[edges[e, 1 - second]]
+                for a in range(_WIDTH):
+                    belief[a] += pairwise[1 - second, e, other, a]
             best = belief.argmin()
             if belief[best] < belief[labels[i]] - 1e-12:
                 labels[i] = best
@@ -218,5 +239,5 @@ def _energy(unary, edges, pairwise, labels):  # type: ignore[no-untyped-def]
     for i in range(len(labels)):
         total += unary[i, labels[i]]
     for e in range(len(edges)):
-        total += pairwise[e, labels[edges[e, 0]], labels[edges[e, 1]]]
+        total += pairwise[0, e, labels[edges[e, 0]], labels[edges[e, 1]]]
     return total

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from .frame import CameraIntrinsics
@@ -50,6 +51,8 @@ class RayGrid:
     slopes : (4, m) float64, |dx|/|dy| at the lower edge of each angle bin per quadrant, ascending from 0, padded with inf.
     edges : (4, m + 1) float64, the same edges as t = |dx|/(|dx|+|dy|) from 0 to 1, padded with 1.
     bin_counts : (4,) int64, angle bins per quadrant, at least 1.
+    corner_bin, corner_share : per quadrant (n_i, n_j) int64 and float64, angle bin of the corner of each pair of states, and
+        the share of that bin on the side wall's part.
     """
 
     camera: CameraIntrinsics
@@ -59,6 +62,8 @@ class RayGrid:
     slopes: NDArray[np.float64]
     edges: NDArray[np.float64]
     bin_counts: NDArray[np.int64]
+    corner_bin: tuple[NDArray[np.int64], ...]
+    corner_share: tuple[NDArray[np.float64], ...]
 
     @property
     def ray_matrix(self) -> NDArray[np.float64]:
@@ -148,6 +153,7 @@ def compute_ray_grid(
     states = np.full((N_SIDES, max(len(s) for s in sides)), np.inf)
     for side, s in enumerate(sides):
         states[side, : len(s)] = s
+    corners = [_corners(sides[QUADRANT_VERTICAL[q]], sides[QUADRANT_HORIZONTAL[q]], edges[q]) for q in range(N_QUADRANTS)]
     return RayGrid(
         camera=camera,
         R_room_camera=R,
@@ -156,7 +162,29 @@ def compute_ray_grid(
         slopes=slopes,
         edges=padded,
         bin_counts=np.array([len(e) - 1 for e in edges], dtype=np.int64),
+        corner_bin=tuple(c[0] for c in corners),
+        corner_share=tuple(c[1] for c in corners),
     )
+
+
+@njit(cache=True, nogil=True)
+def _corners(vertical, horizontal, edges):  # type: ignore[no-untyped-def]
+    """Angle bin and share of every corner t(i, j) = a_j / (a_i + a_j)."""
+    n_i, n_j = len(vertical), len(horizontal)
+    bins = np.empty((n_i, n_j), np.int64)
+    share = np.empty((n_i, n_j))
+    for j in range(n_j):
+        t = len(edges) - 2
+        for i in range(n_i):  # t(i, j) falls as a_i grows
+            if np.isinf(horizontal[j]):
+                corner = 0.5 if np.isinf(vertical[i]) else 1.0  # nothing lies beyond two absent faces
+            else:
+                corner = horizontal[j] / (vertical[i] + horizontal[j])
+            while t > 0 and corner < edges[t]:
+                t -= 1
+            bins[i, j] = t
+            share[i, j] = (edges[t + 1] - corner) / (edges[t + 1] - edges[t])
+    return bins, share
 
 
 def _sample_rays(
