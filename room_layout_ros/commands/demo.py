@@ -185,6 +185,11 @@ def _show(
 
 def _cards(look: dict[int, _Seen], recording: Recording, stamps: list[int]) -> list[tuple[str, str, str]]:
     cards = [(f"{len(stamps)} of {len(look)}", "frames came back as rooms", "paired by the stamp of the depth image")]
+    if "latency_p50_ms" in recording.health:
+        slow = recording.health.get("latency_p99_ms", "-")
+        cards.append(
+            (f"{recording.health['latency_p50_ms']} ms", "pair received to room published", f"median; p99 {slow} ms")
+        )
     errors = []
     for stamp in stamps:
         truth, layout = look[stamp].layout, recording.layout.get(stamp)

@@ -15,6 +15,7 @@ from room_layout_ros.datasets.bag import open_reader, raw_messages
 from room_layout_ros.datasets.bag_messages import IMAGE, decode, stamp_of
 
 Image = NDArray[np.uint8]
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _CHANNELS = {"mono8": 1, "rgb8": 3}
 
 
@@ -26,12 +27,14 @@ class Recording:
     ----------
     topics : (name, type, messages) in the order of their names.
     overlay, layout, labels : by stamp in nanoseconds; (H, W, 3) and (H, W) uint8.
+    health : what the node last said of itself on /diagnostics ("latency_p50_ms": "41.2"); empty without a node.
     """
 
     topics: tuple[tuple[str, str, int], ...]
     overlay: dict[int, Image]
     layout: dict[int, Image]
     labels: dict[int, Image]
+    health: dict[str, str]
 
 
 def read_recording(path: Path) -> Recording:
@@ -44,6 +47,7 @@ def read_recording(path: Path) -> Recording:
     """
     pictures: dict[str, dict[int, Image]] = {"overlay": {}, "layout": {}, "labels": {}}
     counts: Counter[tuple[str, str]] = Counter()
+    health: dict[str, str] = {}
     with open_reader(path) as reader:
         for connection, _, raw in raw_messages(reader, {c.topic for c in reader.connections}, path):
             counts[connection.topic, connection.msgtype] += 1
@@ -51,11 +55,14 @@ def read_recording(path: Path) -> Recording:
             if kind in pictures and connection.msgtype == IMAGE:
                 message = decode(raw, IMAGE)
                 pictures[kind][stamp_of(message)] = pixels(message)
+            elif connection.msgtype == DIAGNOSTICS:
+                statuses = decode(raw, DIAGNOSTICS).status
+                health |= {value.key: value.value for status in statuses for value in status.values}
     topics = tuple((topic, kind, count) for (topic, kind), count in sorted(counts.items()))
     if not pictures["overlay"]:
         seen = ", ".join(f"{t} ({n})" for t, _, n in topics) or "nothing"
         raise DataError(f"{path} holds no overlay picture; recorded was {seen}")
-    return Recording(topics, **pictures)
+    return Recording(topics, **pictures, health=health)
 
 
 def pixels(message: Any) -> Image:

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="SHARE",
-        help="hide this share of every wall, 0 to 0.8 (default 0)",
+        help="hide this share of every wall, 0 to 0.6 (default 0)",
     )
     parser.add_argument("--small-objects", type=int, default=0, metavar="N", help="things of 3 to 10 cm on the floor")
     add_output_arguments(parser, "a folder")
