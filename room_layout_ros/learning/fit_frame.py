@@ -64,7 +64,7 @@ def fit_item(job: FitJob, item: Sample | BadFrame) -> FitResult:
 
 def accepted(job: FitJob, fit: LayoutFit) -> bool:
     """Whether a fit may serve as truth: it explains the structure, and every pixel hits a face."""
-    return fit.quality >= job.min_quality and fit.cost <= job.max_cost and bool((fit.layout > 0).all())
+    return bool(fit.quality >= job.min_quality and fit.cost <= job.max_cost and (fit.layout > 0).all())
 
 
 def lost_result(item: Sample | BadFrame) -> FitResult:
@@ -77,7 +77,7 @@ def _line(job: FitJob, name: str, fit: LayoutFit) -> dict[str, Any]:
         "name": name,
         "accepted": accepted(job, fit),
         "quality": round(fit.quality, 4),
-        "cost": round(fit.cost, 4),
+        "cost": round(float(fit.cost), 4),
         "axes": [[round(float(v), 9) for v in row] for row in fit.cuboid.R_room_camera],
         "distances_m": [round(float(d), 4) if math.isfinite(d) else None for d in fit.cuboid.distances],
     }

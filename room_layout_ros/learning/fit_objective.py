@@ -62,7 +62,7 @@ def fit_cost(
     )  # fmt: skip
     prior = 0.0
     if np.isfinite(distances[1]):
-        prior = min(((distances[1] - costs.floor_height_m) / costs.floor_sigma_m) ** 2, 9.0)
+        prior = min(((float(distances[1]) - costs.floor_height_m) / costs.floor_sigma_m) ** 2, 9.0)
     return float(mean) + costs.face * int(np.isfinite(distances).sum()) + costs.floor_prior * prior
 
 
