@@ -77,15 +77,15 @@ class EstimatorConfig:
     min_valid_depth: float = _p(0.02, "below this share of measured pixels the status is NO_DEPTH", "", 0.0, 1.0)
     # superpixels (paper 3.1)
     superpixel_count: int = _p(200, "superpixels per image", "", 16, 4000)
-    superpixel_lambda_color: float = _p(2.0, "weight of the colour term (paper: lambda_a)", "", 0.0, 100.0)
+    superpixel_lambda_color: float = _p(10.0, "weight of the colour term (paper: lambda_a)", "", 0.0, 100.0)
     superpixel_lambda_depth: float = _p(
-        1.0, "weight of the depth term, the residual to the superpixel's plane; 0 is plain SLIC", "", 0.0, 100.0
+        2.0, "weight of the depth term, the residual to the superpixel's plane; 0 is plain SLIC", "", 0.0, 100.0
     )
     superpixel_lambda_gradient: float = _p(
         0.0, "weight of the gradient of inverse depth, the paper's own term (lambda_d); 6 ms more", "", 0.0, 100.0
     )
-    superpixel_depth_cap: float = _p(4.0, "largest cost of a residual to the plane, in squared noise", "", 0.1, 1000.0)
-    superpixel_noise_inverse_depth: float = _p(0.003, "noise of inverse depth (Kinect: constant)", "1/m", 1e-6, 1.0)
+    superpixel_depth_cap: float = _p(20.0, "largest cost of a residual to the plane, in squared noise", "", 0.1, 1000.0)
+    superpixel_noise_inverse_depth: float = _p(0.004, "noise of inverse depth (Kinect: constant)", "1/m", 1e-6, 1.0)
     superpixel_noise_depth_m: float = _p(0.02, "noise of depth besides (steps of 8-bit depth)", "m", 0.0, 1.0)
     superpixel_noise_gradient: float = _p(0.0005, "noise of the gradient of inverse depth", "1/m/px", 1e-7, 1.0)
     # line segments and vanishing points

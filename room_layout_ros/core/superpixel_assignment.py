@@ -6,7 +6,10 @@ import numpy as np
 from numba import njit
 
 TILE_H, TILE_W = 8, 16
-"""The pixels of a tile share a list of candidates; they are copied together, so the loops run in vector registers."""
+"""Rows and columns of a tile. Its pixels share a list of candidates and are copied together, so that the loops over
+them run in vector registers; where rows are left out, a tile has as many rows and is as much higher."""
+
+_N = TILE_H * TILE_W
 
 MAX_CANDIDATES = 64
 """Centres compared per tile; six bits of the packed cost."""
@@ -16,7 +19,7 @@ X, Y, CL, CA, CB, PA, PB, PC, KW, CAP, GA, GB = range(12)
 N_CENTER = 12
 """Position; mean Lab; plane w = PA (x - X) + PB (y - Y) + PC, weight and cap of its residual; mean gradient."""
 
-L_SCALE = np.float32(100.0 / 255.0)
+L_SCALE, AB_OFFSET = np.float32(100.0 / 255.0), np.float32(128.0)
 
 _COST_STEPS = np.float32(2.0**14)
 _COST_LIMIT = np.float32(2.0**10 - 1.0)
@@ -24,23 +27,30 @@ _GRADIENT_CAP = np.float32(16.0)
 
 
 @njit(cache=True, nogil=True)
-def candidates_of_tiles(centers, reach, down, across):  # type: ignore[no-untyped-def]
-    """Return the centres within `reach` of each tile: (tiles, MAX_CANDIDATES) int32 and their number (tiles,)."""
+def candidates_of_tiles(centers, reach, height, width, step):  # type: ignore[no-untyped-def]
+    """Return the centres within `reach` of each tile: (tiles, MAX_CANDIDATES) int32 and their number (tiles,).
+
+    Where there are more than MAX_CANDIDATES, the first ones count; where there is none, the nearest one.
+    """
+    tile_h = TILE_H * step
+    down, across = (height + tile_h - 1) // tile_h, (width + TILE_W - 1) // TILE_W
     lists = np.empty((down * across, MAX_CANDIDATES), np.int32)
     count = np.zeros(down * across, np.int32)
     for k in range(len(centers)):
         x, y = centers[k, X], centers[k, Y]
         first_x, last_x = max(0, int((x - reach) // TILE_W)), min(across - 1, int((x + reach) // TILE_W))
-        first_y, last_y = max(0, int((y - reach) // TILE_H)), min(down - 1, int((y + reach) // TILE_H))
+        first_y, last_y = max(0, int((y - reach) // tile_h)), min(down - 1, int((y + reach) // tile_h))
         for ty in range(first_y, last_y + 1):
+            dy = max(ty * tile_h - y, y - (ty + 1) * tile_h, 0.0)
             for tx in range(first_x, last_x + 1):
+                dx = max(tx * TILE_W - x, x - (tx + 1) * TILE_W, 0.0)
                 t = ty * across + tx
-                if count[t] < MAX_CANDIDATES:
+                if dx * dx + dy * dy <= reach * reach and count[t] < MAX_CANDIDATES:
                     lists[t, count[t]] = k
                     count[t] += 1
     for t in range(down * across):
         if count[t] == 0:
-            lists[t, 0], count[t] = _nearest(centers, (t % across + 0.5) * TILE_W, (t // across + 0.5) * TILE_H), 1
+            lists[t, 0], count[t] = _nearest(centers, (t % across + 0.5) * TILE_W, (t // across + 0.5) * tile_h), 1
     return lists, count
 
 
@@ -59,8 +69,8 @@ def _copy_row(lab, w, gradient, y, x0, n, at, pixel, color, depth, by_gradient):
     if color:
         for j in range(n):
             pixel[0, at + j] = lab[0, y, x0 + j] * L_SCALE
-            pixel[1, at + j] = lab[1, y, x0 + j]
-            pixel[2, at + j] = lab[2, y, x0 + j]
+            pixel[1, at + j] = lab[1, y, x0 + j] - AB_OFFSET
+            pixel[2, at + j] = lab[2, y, x0 + j] - AB_OFFSET
     if depth:
         for j in range(n):
             pixel[3, at + j] = w[y, x0 + j]
@@ -81,21 +91,21 @@ def assign(lab, w, gradient, centers, lists, count, step, phase, weights, index)
     """
     height, width = index.shape
     across = (width + TILE_W - 1) // TILE_W
-    rows = TILE_H // step
-    n = rows * TILE_W
-    px, py = np.empty(n, np.float32), np.empty(n, np.float32)
-    for i in range(rows):
+    px, py = np.empty(_N, np.float32), np.empty(_N, np.float32)
+    for i in range(TILE_H):
         for j in range(TILE_W):
             px[i * TILE_W + j] = j
             py[i * TILE_W + j] = i * step + phase
-    pixel = np.zeros((6, n), np.float32)
-    cost, best = np.empty(n, np.float32), np.empty(n, np.int32)
-    space, color, gradient_weight = np.float32(weights[0]), np.float32(weights[1]), np.float32(weights[3])
+    pixel = np.zeros((6, _N), np.float32)
+    own, steep, best = np.empty(_N, np.float32), np.zeros(_N, np.float32), np.empty(_N, np.int32)
+    zero, two = np.float32(0), np.float32(2)
+    space, color = np.float32(weights[0]), np.float32(weights[1])
+    depth, gradient_weight = np.float32(weights[2]), np.float32(weights[3])
     by_color, by_depth, by_gradient = weights[1] > 0, weights[2] > 0, weights[3] > 0
     for t in range(len(lists)):
-        x0, y0 = (t % across) * TILE_W, (t // across) * TILE_H
+        x0, y0 = (t % across) * TILE_W, (t // across) * TILE_H * step
         columns = min(TILE_W, width - x0)
-        for i in range(rows):
+        for i in range(TILE_H):
             y = y0 + i * step + phase
             if y < height:
                 measured = by_depth or by_gradient
@@ -103,36 +113,38 @@ def assign(lab, w, gradient, centers, lists, count, step, phase, weights, index)
                     _copy_row(lab, w, gradient, y, x0, TILE_W, i * TILE_W, pixel, by_color, measured, by_gradient)
                 else:
                     _copy_row(lab, w, gradient, y, x0, columns, i * TILE_W, pixel, by_color, measured, by_gradient)
-        best[:] = 2**31 - 1
+        for p in range(_N):
+            best[p] = 2**31 - 1
+            lab2 = pixel[0, p] * pixel[0, p] + pixel[1, p] * pixel[1, p] + pixel[2, p] * pixel[2, p]
+            own[p] = space * (px[p] * px[p] + py[p] * py[p]) + color * lab2
         for slot in range(count[t]):
+            # |p - s|^2 multiplied out: |p|^2 is the tile's, |s|^2 the centre's, and the rest is linear in the pixel
             center = centers[lists[t, slot]]
             cx, cy = center[X] - np.float32(x0), center[Y] - np.float32(y0)
-            if by_color:
-                cl, ca, cb = center[CL], center[CA], center[CB]
-                for p in range(n):
-                    dx, dy = px[p] - cx, py[p] - cy
-                    dl, da, db = pixel[0, p] - cl, pixel[1, p] - ca, pixel[2, p] - cb
-                    cost[p] = space * (dx * dx + dy * dy) + color * (dl * dl + da * da + db * db)
-            else:
-                for p in range(n):
-                    dx, dy = px[p] - cx, py[p] - cy
-                    cost[p] = space * (dx * dx + dy * dy)
-            if by_depth:
-                pa, pb, pc, kw, cap = center[PA], center[PB], center[PC], center[KW], center[CAP]
-                for p in range(n):
-                    r = pixel[3, p] - (pa * (px[p] - cx) + pb * (py[p] - cy) + pc)
-                    term = min(kw * r * r, cap)
-                    cost[p] += term if pixel[3, p] > 0 else np.float32(0)
+            cl, ca, cb = center[CL], center[CA], center[CB]
+            k0 = space * (cx * cx + cy * cy) + color * (cl * cl + ca * ca + cb * cb)
+            kx, ky = two * space * cx, two * space * cy
+            kl, ka, kb = two * color * cl, two * color * ca, two * color * cb
+            pa, pb, kw, cap = center[PA], center[PB], center[KW] * depth, center[CAP]
+            pc = center[PC] - pa * cx - pb * cy
             if by_gradient:
                 ga, gb = center[GA], center[GB]
-                for p in range(n):
+                for p in range(_N):
                     dx, dy = pixel[4, p] - ga, pixel[5, p] - gb
-                    term = gradient_weight * min(dx * dx + dy * dy, _GRADIENT_CAP)
-                    cost[p] += term if pixel[3, p] > 0 else np.float32(0)
-            for p in range(n):
-                packed = np.int32((np.int32(min(cost[p], _COST_LIMIT) * _COST_STEPS) << 6) | slot)
+                    term = min(gradient_weight * (dx * dx + dy * dy), _GRADIENT_CAP)
+                    steep[p] = term if pixel[3, p] > zero else zero
+            for p in range(_N):
+                w_p = pixel[3, p]
+                r = w_p - (pa * px[p] + pb * py[p] + pc)
+                fit = kw * r * r
+                fit = cap if fit > cap else fit
+                fit = fit if w_p > zero else zero
+                linear = kx * px[p] + ky * py[p] + kl * pixel[0, p] + ka * pixel[1, p] + kb * pixel[2, p]
+                cost = own[p] + k0 - linear + steep[p] + fit
+                cost = _COST_LIMIT if cost > _COST_LIMIT else cost
+                packed = np.int32((np.int32(cost * _COST_STEPS) << 6) | slot)
                 best[p] = packed if packed < best[p] else best[p]
-        for i in range(rows):
+        for i in range(TILE_H):
             y = y0 + i * step + phase
             if y < height:
                 for j in range(columns):

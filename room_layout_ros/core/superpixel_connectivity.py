@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+_HASH_SLOTS = 8192
+
 
 @njit(cache=True, nogil=True)
 def _find(parent, i):  # type: ignore[no-untyped-def]
@@ -76,6 +78,8 @@ def _borders(component, count, start, first_run, width):  # type: ignore[no-unty
     n = len(start)
     size, degree = np.zeros(count, np.int32), np.zeros(count + 1, np.int32)
     pairs = np.empty((3 * n + 1, 3), np.int32)
+    pairs[0] = -1
+    last = np.zeros(_HASH_SLOTS, np.int32)
     m = 0
     for y in range(height):
         up = first_run[y - 1] if y > 0 else 0
@@ -86,12 +90,12 @@ def _borders(component, count, start, first_run, width):  # type: ignore[no-unty
             c = component[run]
             size[c] += x1 - x0
             if x0 > 0:
-                m = _add_pair(pairs, m, component[run - 1], c, 1, degree)
+                m = _add_pair(pairs, m, component[run - 1], c, 1, degree, last)
             while y > 0:
                 up_x0 = start[up]
                 up_x1 = start[up + 1] if up + 1 < up_end else width
                 if component[up] != c:
-                    m = _add_pair(pairs, m, component[up], c, min(x1, up_x1) - max(x0, up_x0), degree)
+                    m = _add_pair(pairs, m, component[up], c, min(x1, up_x1) - max(x0, up_x0), degree, last)
                 if up_x1 >= x1:
                     if up_x1 == x1:
                         up += 1
@@ -112,8 +116,15 @@ def _borders(component, count, start, first_run, width):  # type: ignore[no-unty
 
 
 @njit(cache=True, nogil=True)
-def _add_pair(pairs, m, a, b, overlap, degree):  # type: ignore[no-untyped-def]
+def _add_pair(pairs, m, a, b, overlap, degree, last):  # type: ignore[no-untyped-def]
+    """Append a border or lengthen the one of the same pair that was seen last at its place in a small hash table."""
+    slot = (a * 31 + b) & (len(last) - 1)
+    at = last[slot]
+    if pairs[at, 0] == a and pairs[at, 1] == b:
+        pairs[at, 2] += overlap
+        return m
     pairs[m, 0], pairs[m, 1], pairs[m, 2] = a, b, overlap
+    last[slot] = m
     degree[a] += 1
     degree[b] += 1
     return m + 1

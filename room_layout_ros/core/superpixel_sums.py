@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .superpixel_assignment import CA, CAP, CB, CL, GA, GB, KW, L_SCALE, PA, PB, PC, X, Y
+from .superpixel_assignment import AB_OFFSET, CA, CAP, CB, CL, GA, GB, KW, L_SCALE, PA, PB, PC, X, Y
 
 N_SUMS = 19
 """n, x, y, L, a, b; measured, gradient (2); pixels of the plane: m, x, y, xx, xy, yy, w, xw, yw, ww."""
@@ -103,7 +103,10 @@ def accumulate(lab, w, gradient, centers, index, step, phase, by_color, by_depth
                     s[8] += gradient[1, y, x]
             first = last
     for k in range(count):
-        sums[k, 3] *= L_SCALE
+        if by_color:
+            sums[k, 3] *= L_SCALE
+            sums[k, 4] -= sums[k, 0] * AB_OFFSET
+            sums[k, 5] -= sums[k, 0] * AB_OFFSET
     return sums
 
 

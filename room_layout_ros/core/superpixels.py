@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .color import compute_lab
 from .config import EstimatorConfig
-from .superpixel_assignment import N_CENTER, TILE_H, TILE_W, X, Y, assign, candidates_of_tiles
+from .superpixel_assignment import N_CENTER, X, Y, assign, candidates_of_tiles
 from .superpixel_connectivity import connect, regroup_edges, relabel
 from .superpixel_merging import merge_superpixels
 from .superpixel_planes import fit_planes, inverse_depth_gradient
@@ -46,7 +46,7 @@ class Superpixels:
     count : K.
     pixels : (K,) int32 area.
     center_px : (K, 2) float32 mean (x, y).
-    mean_lab : (K, 3) float32 mean colour, L 0..100, a and b about 128; 0 without colour.
+    mean_lab : (K, 3) float32 mean colour, L 0..100, a and b signed; 0 without colour.
     plane : (K, 3) float64 (a, b, c) of inverse depth w = a x + b y + c in 1/m, x and y in pixels of the whole
         image; NaN where too little was measured.
     plane_rms : (K,) float32 root mean square of the residual of its inliers in 1/m; NaN without plane.
@@ -185,8 +185,7 @@ def _iterate(
     config: EstimatorConfig,
 ) -> None:
     """Assign the rows of one step to the centres, and but for the last iteration move the centres."""
-    down, across = -(-images.size[0] // TILE_H), -(-images.size[1] // TILE_W)
-    lists, count = candidates_of_tiles(centers, _REACH * spacing, down, across)
+    lists, count = candidates_of_tiles(centers, _REACH * spacing, *images.size, step)
     has_color, has_depth, has_gradient = images.has
     weights = (
         1.0 / spacing**2,
