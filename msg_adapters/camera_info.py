@@ -84,7 +84,7 @@ def _crop_and_bin(message: CameraInfoLike, P: NDArray[np.float64]) -> CameraIntr
     if not (int(roi.width) or int(roi.height)):
         x0 = y0 = 0
     bx, by = max(int(message.binning_x), 1), max(int(message.binning_y), 1)
-    if bx > w or by > h:
+    if bx > max(w, 1) or by > max(h, 1):
         raise ValueError(f"camera_info has binning {bx}x{by}; it must not exceed the image of {w}x{h}")
     return CameraIntrinsics(
         width=w // bx,
