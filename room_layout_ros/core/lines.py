@@ -128,7 +128,8 @@ def classify_segments(
         0 X, 1 Y, 2 Z, -1 none.
     """
     normal, middle = segment_planes(segments, camera)
-    return _classify(normal, middle, segments.length_px.astype(np.float64), np.ascontiguousarray(R_room_camera, np.float64))
+    axes = np.ascontiguousarray(R_room_camera, np.float64)
+    return np.asarray(_classify(normal, middle, segments.length_px.astype(np.float64), axes))
 
 
 @njit(cache=True, nogil=True)

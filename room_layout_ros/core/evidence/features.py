@@ -11,6 +11,7 @@ from ..frame import CameraIntrinsics
 from ..lines import LineSegments
 from ..superpixels import Superpixels
 from . import pixel_statistics as ps
+from .depth_cues import superpixel_planes
 from .plane_segments import PlaneSegments, compute_plane_segments
 from .room_extents import BEYOND_STEP_M, RoomExtents, azimuth_bin, compute_room_extents
 
@@ -180,7 +181,8 @@ def _depth(
     point = sums[:, [ps.X, ps.Y, ps.Z]] / n[:, None]
     spread = np.sqrt(np.maximum(sums[:, [ps.XX, ps.YY, ps.ZZ]] / n[:, None] - point**2, 0.0))
     z = sums[:, ps.DEPTH] / n
-    normal, distance = _room_planes(superpixels, R, camera)
+    in_camera, distance, _ = superpixel_planes(superpixels, camera)
+    normal = in_camera @ R.T
     noise = 0.01 + 0.0019 * z * z
     room_low = np.where(np.isnan(n)[:, None], np.nan, bounds[:, 4::2].astype(np.float64))
     room_high = np.where(np.isnan(n)[:, None], np.nan, bounds[:, 5::2].astype(np.float64))
@@ -208,17 +210,6 @@ def _depth(
         columns[f"border_{name}"] = segments.border[:, k]
     columns |= _plane_columns(superpixels, segments, point, normal, room_low, room_high, bounds, extents, camera)
     return columns
-
-
-def _room_planes(
-    superpixels: Superpixels, R: NDArray[np.float64], camera: CameraIntrinsics
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Unit normals away from the camera in room axes and distances; NaN without plane."""
-    a, b, c = superpixels.plane.T
-    m = np.stack([a * camera.fx, b * camera.fy, c + a * camera.cx + b * camera.cy], axis=1)  # n / d
-    length = np.linalg.norm(m, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return (m / length[:, None]) @ R.T, 1.0 / length
 
 
 def _reach(point: NDArray[np.float64], normal: NDArray[np.float64], extents: RoomExtents) -> Columns:

@@ -63,7 +63,7 @@ def sum_pixels(
     top = bottom = left = right = 0
     if color is not None:
         half = cv2.resize(color, None, fx=1.0 / STRIDE, fy=1.0 / STRIDE, interpolation=cv2.INTER_AREA)
-        lab = cv2.cvtColor(half, cv2.COLOR_RGB2LAB)
+        lab = np.asarray(cv2.cvtColor(half, cv2.COLOR_RGB2LAB), np.uint8)
         top, bottom, left, right = (-(-side // STRIDE) for side in blank_border(color))
     w = np.zeros((1, 1), np.float32) if inverse_depth is None else inverse_depth
     faces = np.zeros((1, 1), np.uint8) if orientation is None else orientation
@@ -95,21 +95,21 @@ def _sum(index, count, lab, has_color, border, inverse, faces, matrix):  # type:
             b[2], b[3] = min(b[2], y), max(b[3], y)
             col = x // STRIDE
             if has_color and border[0] < row < rows - border[1] - 1 and border[2] < col < cols - border[3] - 1:
-                l, a, c = float(lab[row, col, 0]), float(lab[row, col, 1]), float(lab[row, col, 2])
+                l_here, a, c = float(lab[row, col, 0]), float(lab[row, col, 1]), float(lab[row, col, 2])
                 gx = abs(float(lab[row, col + 1, 0]) - float(lab[row, col - 1, 0]))
                 gy = abs(float(lab[row + 1, col, 0]) - float(lab[row - 1, col, 0]))
                 around = float(lab[row, col + 1, 0]) + float(lab[row, col - 1, 0])
                 around += float(lab[row + 1, col, 0]) + float(lab[row - 1, col, 0])
                 s[COLORED] += 1.0
-                s[L] += l
+                s[L] += l_here
                 s[A] += a
                 s[B] += c
-                s[LL] += l * l
+                s[LL] += l_here * l_here
                 s[AA] += a * a
                 s[BB] += c * c
                 s[GRADIENT_X] += gx
                 s[GRADIENT_Y] += gy
-                s[FINE] += abs(4.0 * l - around)
+                s[FINE] += abs(4.0 * l_here - around)
             if has_depth:
                 w = inverse[y, x]
                 if w > 0:

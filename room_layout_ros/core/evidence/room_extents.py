@@ -77,9 +77,9 @@ def _cell_points(inverse, matrix):  # type: ignore[no-untyped-def]
             if seen < 6:
                 continue
             z = seen / total
-            x, y = (col + 0.5) * _CELL_PX - 0.5, (row + 0.5) * _CELL_PX - 0.5
+            px, py = (col + 0.5) * _CELL_PX - 0.5, (row + 0.5) * _CELL_PX - 0.5
             for k in range(3):
-                points[n, k] = (matrix[k, 0] * x + matrix[k, 1] * y + matrix[k, 2]) * z
+                points[n, k] = (matrix[k, 0] * px + matrix[k, 1] * py + matrix[k, 2]) * z
             n += 1
     return points[:n]
 
