@@ -18,6 +18,8 @@ R = TypeVar("R")
 IN_FLIGHT_PER_WORKER = 3
 """Items handed out per worker: enough to keep it busy, few enough to bound memory."""
 
+CONNECT_TIMEOUT_S = 10
+
 MAX_LOSSES = 3
 """An item whose worker died this often while nothing else ran is given up."""
 
@@ -194,7 +196,7 @@ class _DaskPool:
                 "--scheduler needs Dask: pip install 'room_layout_ros[cluster]'", name="distributed"
             ) from None
         try:
-            self._client = Client(scheduler, timeout="10s")
+            self._client = Client(scheduler, timeout=CONNECT_TIMEOUT_S)
         except (OSError, ValueError) as error:
             raise ConnectionError(f"no Dask scheduler answers at {scheduler}: {error}") from None
         self.losses = (KilledWorker,)

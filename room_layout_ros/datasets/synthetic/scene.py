@@ -37,7 +37,7 @@ def random_scene(
     furniture : float
         How full: 0 is empty, 1 is lived in, 2 is crammed.
     wall_clutter : float
-        Share of the area of *every* wall that has something standing right before it, 0..0.8.
+        Share of the area of *every* wall that has something standing right before it, 0..0.6.
     same_color_walls : bool or None
         All walls and the ceiling in one plain colour; None lets chance decide about walls alone.
     small_objects : int
@@ -52,8 +52,8 @@ def random_scene(
     """
     if kind == "random":
         kind = str(rng.choice(KINDS))
-    if not 0.0 <= wall_clutter <= 0.8:
-        raise ValueError(f"wall_clutter is {wall_clutter}; allowed is 0 to 0.8")
+    if not 0.0 <= wall_clutter <= 0.6:
+        raise ValueError(f"wall_clutter is {wall_clutter}; allowed is 0 to 0.6")
     if not 0.0 <= furniture <= 3.0:
         raise ValueError(f"furniture is {furniture}; allowed is 0 to 3")
     room = _shell(rng, kind, same_color_walls)

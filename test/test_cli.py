@@ -1,0 +1,127 @@
+"""The command line: what it offers, how it refuses."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from frames_on_disk import assert_same_samples, make_samples, write_folder
+
+from room_layout_ros import __version__
+from room_layout_ros.cli import COMMANDS, available_commands, main
+from room_layout_ros.datasets import good_samples, open_source
+
+
+@pytest.fixture
+def folder(tmp_path: Path, rng: np.random.Generator) -> Path:
+    return write_folder(tmp_path / "frames", make_samples(3, rng))
+
+
+def test_version_and_help_tell_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert __version__ in capsys.readouterr().out
+    assert main(["--help"]) == 0
+    told = capsys.readouterr().out
+    for name, text in available_commands().items():
+        assert name in told
+        assert text in told
+
+
+@pytest.mark.parametrize("command", sorted(set(COMMANDS) & {"estimate", "convert", "render", "play"}))
+def test_each_command_explains_itself(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, "--help"]) == 0
+    told = capsys.readouterr().out
+    assert f"usage: room-layout {command}" in told
+    assert len(told) > 300
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["estimate", "MISSING", "--out", "OUT"], "does not exist"),
+        (["estimate", "EMPTY", "--out", "OUT"], "no frames folder"),
+        (["estimate", "FOLDER", "--out", "FILE"], "needs a folder"),
+        (["estimate", "FOLDER", "--out", "OUT", "--jobs", "0"], "--jobs is 0"),
+        (["estimate", "FOLDER", "--out", "OUT", "--jobs", "two"], "invalid int value"),
+        (["estimate", "FOLDER", "--out", "OUT", "--set", "colour=blue"], "--set colour=blue"),
+        (["estimate", "FOLDER", "--out", "OUT", "--set", "max_depth_m=-4"], "allowed is"),
+        (["estimate", "FOLDER"], "--out"),
+        (["convert", "FOLDER", "FOLDER"], "exists already"),
+        (["convert", "MISSING", "OUT"], "does not exist"),
+        (["render", "--out", "FOLDER"], "exists already"),
+        (["render", "--out", "OUT", "--frames", "0"], "frames is 0"),
+        (["render", "--out", "OUT", "--seed", "-3"], "--seed is -3"),
+        (["play", "MISSING"], "does not exist"),
+        (["play", "FOLDER", "--rate", "0"], "rate is 0"),
+        (["play", "FOLDER", "--remap", "nonsense"], "FROM:=TO"),
+        (["dance"], "invalid choice"),
+        ([], ""),
+    ],
+)
+def test_bad_input_is_one_sentence_and_exit_code_2(
+    words: list[str], told: str, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "EMPTY").mkdir()
+    (tmp_path / "FILE").write_text("x")
+    places = {"FOLDER": folder, **{name: tmp_path / name for name in ("EMPTY", "FILE", "MISSING", "OUT")}}
+    assert main([str(places.get(word, word)) for word in words]) == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert "Traceback" not in error
+    assert error.count("\n") <= 1
+
+
+def test_convert_goes_both_ways(tmp_path: Path, rng: np.random.Generator) -> None:
+    samples = make_samples(3, rng)
+    write_folder(tmp_path / "a", samples)
+    assert main(["convert", str(tmp_path / "a"), str(tmp_path / "bag"), "--storage", "sqlite3"]) == 0
+    assert main(["convert", str(tmp_path / "bag"), str(tmp_path / "b")]) == 0
+    assert_same_samples(list(good_samples(open_source(tmp_path / "b"))), samples)
+
+
+def test_convert_names_the_frames_it_leaves_out(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "depth" / "frame_007.png").unlink()
+    assert main(["convert", str(folder), str(tmp_path / "bag")]) == 0
+    told = capsys.readouterr().err
+    assert "left out frame_007" in told
+    assert "2 frames written" in told
+
+
+def test_render_writes_what_the_source_renders(tmp_path: Path) -> None:
+    from room_layout_ros.datasets.synthetic import SyntheticSource
+
+    assert main(["render", "--out", str(tmp_path / "walk"), "--frames", "2", "--seed", "5", "--to", "bag"]) == 0
+    expected = list(good_samples(SyntheticSource(2, 5)))
+    assert_same_samples(list(good_samples(open_source(tmp_path / "walk"))), expected)
+
+
+def test_an_interrupt_ends_with_130_and_leaves_no_result(tmp_path: Path, rng: np.random.Generator) -> None:
+    """SIGINT while it works: no traceback, no estimates.jsonl that looks complete."""
+    import signal
+    import time
+
+    samples = make_samples(1, rng)
+    folder = write_folder(tmp_path / "frames", samples)
+    for i in range(400):
+        for kind in ("rgb", "depth"):
+            os.link(folder / kind / "frame_000.png", folder / kind / f"more_{i:03d}.png")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "room_layout_ros.cli", "estimate", str(folder), "--out", str(tmp_path / "out")],
+        stderr=subprocess.PIPE,
+        cwd=Path(__file__).parent.parent,
+    )
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.glob("out/layout/*.png")) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert b"Traceback" not in error
+    assert not (tmp_path / "out" / "estimates.jsonl").exists()
+    assert not list((tmp_path / "out").rglob("*.partial"))

@@ -1,0 +1,135 @@
+"""`room-layout estimate`: the offline contract of docs, to the letter."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from room_layout_ros.cli import main
+from room_layout_ros.core.labels import FACES, LABEL_NAMES
+from room_layout_ros.datasets import good_samples, open_source
+from room_layout_ros.datasets.convert import copy_frames
+from room_layout_ros.datasets.synthetic import SyntheticSource
+from room_layout_ros.datasets.writers import BagWriter, FolderWriter
+
+KINDS = ("layout", "labels", "furniture")
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("walk") / "frames"
+    copy_frames(SyntheticSource(4, 1), FolderWriter(path))
+    return path
+
+
+def lines_of(out: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (out / "estimates.jsonl").read_text().splitlines()]
+
+
+def images_of(out: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(out)): p.read_bytes() for p in sorted(out.rglob("*.png"))}
+
+
+def estimates_without_times(out: Path) -> list[dict[str, Any]]:
+    return [{k: v for k, v in line.items() if k != "timings_ms"} for line in lines_of(out)]
+
+
+@pytest.fixture(scope="module")
+def result(walk: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("out") / "deep" / "er"
+    assert main(["estimate", str(walk), "--out", str(out), "--overlay"]) == 0
+    return out
+
+
+def test_every_frame_has_its_line_and_images_in_order(walk: Path, result: Path) -> None:
+    names = [s.name for s in good_samples(open_source(walk))]
+    assert [line["name"] for line in lines_of(result)] == names
+    for name in names:
+        for kind, highest in zip(KINDS, (5, 6, 40), strict=True):
+            image = cv2.imread(str(result / kind / f"{name}.png"), cv2.IMREAD_UNCHANGED)
+            assert image is not None
+            assert image.shape == (480, 640)
+            assert image.dtype == np.uint8
+            assert image.max() <= highest
+        overlay = cv2.imread(str(result / "overlay" / f"{name}.jpg"))
+        assert overlay is not None
+        assert overlay.shape == (480, 640, 3)
+
+
+def test_a_line_tells_what_the_estimator_told(walk: Path, result: Path) -> None:
+    from room_layout_ros.core.estimator import LayoutEstimator
+
+    sample, line = next(iter(good_samples(open_source(walk)))), lines_of(result)[0]
+    estimate = LayoutEstimator().estimate(sample.frame)
+    assert line["status"] == estimate.status.name == "OK"
+    np.testing.assert_allclose(line["axes"], estimate.R_room_camera, atol=1e-8)
+    np.testing.assert_allclose(np.array(line["axes"]) @ np.array(line["axes"]).T, np.eye(3), atol=1e-7)
+    assert estimate.cuboid is not None
+    for face, distance in zip(FACES, estimate.cuboid.distances, strict=True):
+        told = line["plane_distances_m"][LABEL_NAMES[face]]
+        assert told is None if np.isinf(distance) else told == pytest.approx(distance, abs=1e-5)
+    assert [p["id"] for p in line["polygons"]] == [p.face for p in estimate.polygons]
+    for told, polygon in zip(line["polygons"], estimate.polygons, strict=True):
+        np.testing.assert_allclose(told["pixels"], polygon.pixels, atol=1e-3)
+        np.testing.assert_allclose(told["points_m"], polygon.points_m, atol=1e-4)
+    assert set(line["timings_ms"]) == set(estimate.timings_ms)
+    assert all(0 <= line["face_confidence"][LABEL_NAMES[f]] <= 1 for f in FACES)
+    layout = cv2.imread(str(result / "layout" / f"{sample.name}.png"), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(layout, estimate.layout)
+
+
+def test_two_processes_give_the_same_bytes(walk: Path, result: Path, tmp_path: Path) -> None:
+    assert main(["estimate", str(walk), "--out", str(tmp_path), "--jobs", "2"]) == 0
+    assert images_of(tmp_path) == images_of(result)
+    assert estimates_without_times(tmp_path) == estimates_without_times(result)
+
+
+def test_a_bag_gives_the_same_bytes_as_its_folder(walk: Path, result: Path, tmp_path: Path) -> None:
+    copy_frames(open_source(walk), BagWriter(tmp_path / "bag"))
+    assert main(["estimate", str(tmp_path / "bag"), "--out", str(tmp_path / "out")]) == 0
+    assert images_of(tmp_path / "out") == images_of(result)
+    assert estimates_without_times(tmp_path / "out") == estimates_without_times(result)
+
+
+def test_a_bad_frame_gets_a_line_with_its_error_and_the_run_goes_on(walk: Path, tmp_path: Path) -> None:
+    import shutil
+
+    shutil.copytree(walk, tmp_path / "frames")
+    (tmp_path / "frames" / "depth" / "000001.png").write_bytes(b"\x89PNG broken")
+    assert main(["estimate", str(tmp_path / "frames"), "--out", str(tmp_path / "out")]) == 0
+    lines = lines_of(tmp_path / "out")
+    assert [line["name"] for line in lines] == ["000000", "000001", "000002", "000003"]
+    assert [line["status"] == "error" for line in lines] == [False, True, False, False]
+    assert "000001.png" in lines[1]["error"]
+    assert not (tmp_path / "out" / "layout" / "000001.png").exists()
+
+
+def test_rgb_only_does_not_look_at_the_depth(walk: Path, tmp_path: Path) -> None:
+    """Spoilt depth changes nothing."""
+    assert main(["estimate", str(walk), "--out", str(tmp_path / "a"), "--rgb-only"]) == 0
+    for sample in good_samples(open_source(walk)):
+        assert sample.frame.depth_m is not None
+    import shutil
+
+    shutil.copytree(walk, tmp_path / "frames")
+    flat = cv2.imencode(".png", np.full((480, 640), 1234, np.uint16))[1].tobytes()
+    for path in (tmp_path / "frames" / "depth").iterdir():
+        path.write_bytes(flat)
+    assert main(["estimate", str(tmp_path / "frames"), "--out", str(tmp_path / "b"), "--rgb-only"]) == 0
+    assert len(lines_of(tmp_path / "a")) == 4
+    assert images_of(tmp_path / "a") == images_of(tmp_path / "b")
+
+
+def test_a_cut_bag_is_exit_code_2(walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    copy_frames(open_source(walk), BagWriter(tmp_path / "bag"))
+    file = next((tmp_path / "bag").glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[:500_000])
+    assert main(["estimate", str(tmp_path / "bag"), "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert str(tmp_path / "bag") in error

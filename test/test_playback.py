@@ -1,0 +1,176 @@
+"""Playback over real DDS: what the bag holds arrives, bit by bit, at its own pace."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from frames_on_disk import make_samples, write_folder
+
+from room_layout_ros.datasets import DataError, Sample
+from room_layout_ros.datasets.bag_topics import COLOR_INFO_TOPIC, COLOR_TOPIC, DEPTH_TOPIC
+from room_layout_ros.datasets.synthetic import SyntheticSource
+from room_layout_ros.datasets.writers import BagWriter
+from room_layout_ros.playback import PROFILE_VARIABLE, PlayOptions, parse_remappings, set_transport_profile
+
+pytestmark = pytest.mark.dds
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="module")
+def walk() -> list[Sample]:
+    return [s for s in SyntheticSource(12, 2, options={"furniture": 0.3}) if isinstance(s, Sample)]
+
+
+@pytest.fixture(scope="module")
+def bag(walk: list[Sample], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("play") / "bag"
+    with BagWriter(path) as writer:
+        for sample in walk:
+            writer.write(sample)
+    return path
+
+
+class Listener:
+    """Collects colour, depth, calibration and clock in a thread of its own."""
+
+    def __init__(self) -> None:
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.qos import qos_profile_sensor_data
+        from rosgraph_msgs.msg import Clock
+        from sensor_msgs.msg import CameraInfo, Image
+
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.node = rclpy.create_node("listener", context=self.context)
+        self.got: dict[str, list[Any]] = {t: [] for t in (COLOR_TOPIC, DEPTH_TOPIC, COLOR_INFO_TOPIC, "/clock")}
+        kinds = {COLOR_TOPIC: Image, DEPTH_TOPIC: Image, COLOR_INFO_TOPIC: CameraInfo, "/clock": Clock}
+        for topic, kind in kinds.items():
+            keep = self.got[topic]
+            self.node.create_subscription(
+                kind, topic, lambda m, keep=keep: keep.append((time.monotonic(), m)), qos_profile_sensor_data
+            )
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.thread = threading.Thread(target=self.executor.spin, daemon=True)
+        self.thread.start()
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.thread.join(timeout=5)
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+
+@pytest.fixture
+def listener() -> Iterator[Listener]:
+    listener = Listener()
+    yield listener
+    listener.close()
+
+
+def start(*words: object) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "room_layout_ros.cli", "play", *map(str, words)]
+    return subprocess.Popen(command, cwd=REPOSITORY, stderr=subprocess.PIPE, text=True)
+
+
+def stamp_of(message: Any) -> int:
+    return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
+
+
+def test_a_bag_arrives_bit_by_bit_and_at_its_own_pace(bag: Path, walk: list[Sample], listener: Listener) -> None:
+    process = start(bag, "--wait-for-subscribers", 0, "--topics", COLOR_TOPIC, DEPTH_TOPIC, COLOR_INFO_TOPIC)
+    process.communicate(timeout=60)  # the first pass warms up discovery and caches
+    for kept in listener.got.values():
+        kept.clear()
+    process = start(
+        bag, "--wait-for-subscribers", 1, "--rate", 0.5, "--clock",
+        "--topics", COLOR_TOPIC, DEPTH_TOPIC, COLOR_INFO_TOPIC,
+    )  # fmt: skip
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 0, told
+    assert f"{DEPTH_TOPIC} 12" in told
+    colors, depths = listener.got[COLOR_TOPIC], listener.got[DEPTH_TOPIC]
+    stamps = [s.frame.stamp_ns for s in walk]
+    assert [stamp_of(m) for _, m in colors] == stamps
+    assert [stamp_of(m) for _, m in depths] == stamps
+    for sample, (_, message) in zip(walk, colors, strict=True):
+        np.testing.assert_array_equal(np.frombuffer(message.data, np.uint8).reshape(480, 640, 3), sample.frame.color)
+    span = depths[-1][0] - depths[0][0]
+    assert span == pytest.approx((stamps[-1] - stamps[0]) / 1e9 / 0.5, rel=0.25)
+    ticks = [m.clock.sec * 10**9 + m.clock.nanosec for _, m in listener.got["/clock"]]
+    assert len(ticks) >= 12
+    assert ticks == sorted(ticks)
+    assert stamps[0] <= ticks[0]
+    assert ticks[-1] <= stamps[-1]
+
+
+def test_a_folder_plays_under_the_names_the_node_listens_to(
+    tmp_path: Path, listener: Listener, rng: np.random.Generator
+) -> None:
+    samples = make_samples(6, rng)
+    folder = write_folder(tmp_path / "frames", samples)
+    process = start(folder, "--wait-for-subscribers", 1)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 0, told
+    deadline = time.monotonic() + 3
+    while len(listener.got[DEPTH_TOPIC]) < 6 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert [stamp_of(m) for _, m in listener.got[DEPTH_TOPIC]] == [s.frame.stamp_ns for s in samples]
+    assert listener.got[COLOR_INFO_TOPIC][0][1].k[0] == samples[0].frame.camera.fx
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_loop_cleanly(bag: Path, listener: Listener, number: signal.Signals) -> None:
+    process = start(bag, "--loop", "--wait-for-subscribers", 1, "--topics", COLOR_TOPIC, COLOR_INFO_TOPIC, DEPTH_TOPIC)
+    deadline = time.monotonic() + 30
+    while len(listener.got[DEPTH_TOPIC]) < 15 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert len(listener.got[DEPTH_TOPIC]) >= 15, "it went round more than once"
+    sent = time.monotonic()
+    process.send_signal(number)
+    _, told = process.communicate(timeout=10)
+    assert time.monotonic() - sent < 3
+    assert process.returncode == 0
+    assert "stopped after" in told
+    assert "Traceback" not in told
+
+
+def test_nobody_listening_is_said(bag: Path) -> None:
+    process = start(bag, "--wait-for-subscribers", 1, "--wait-timeout", 0.3)
+    _, told = process.communicate(timeout=30)
+    assert process.returncode == 2
+    assert "has not 1 subscribers" in told
+    assert told.count("\n") == 1
+
+
+def test_the_shipped_transport_profile_is_used_unless_the_user_has_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(PROFILE_VARIABLE, raising=False)
+    profile = set_transport_profile()
+    assert profile is not None
+    assert profile.name == "fastdds.xml"
+    assert os.environ[PROFILE_VARIABLE] == str(profile)
+    monkeypatch.setenv(PROFILE_VARIABLE, "/my/own.xml")
+    assert set_transport_profile() == Path("/my/own.xml")
+    assert os.environ[PROFILE_VARIABLE] == "/my/own.xml"
+
+
+def test_options_are_checked() -> None:
+    with pytest.raises(DataError, match="rate is 1000"):
+        PlayOptions(rate=1000.0)
+    with pytest.raises(DataError, match="0 or more"):
+        PlayOptions(loops=-1)
+    with pytest.raises(DataError, match="FROM:=TO"):
+        parse_remappings(["/a:/b"])
+    assert parse_remappings(["/a:=/b"]) == (("/a", "/b"),)
