@@ -43,7 +43,7 @@ $(STAMP): setup.py setup.cfg pyproject.toml package.xml constraints.txt $(wildca
 	  { rm -rf $(VENV); echo "python3 -m venv failed; on Debian and Ubuntu: apt install python3-venv"; exit 1; }
 	@echo "Installing into $(VENV) (a few minutes the first time)"
 	@$(PIP) install --quiet --constraint constraints.txt pip setuptools wheel
-	@$(PIP) install --quiet --no-build-isolation --constraint constraints.txt --editable '.[$(EXTRAS)]'
+	@PYTHONWARNINGS=ignore $(PIP) install --quiet --no-build-isolation --constraint constraints.txt --editable '.[$(EXTRAS)]'
 	@touch $@
 
 demo: $(STAMP)
@@ -75,8 +75,8 @@ oldest: .venv-oldest/.installed
 	  f"Python is {sys.version.split()[0]}; these wheels exist for 3.10 and 3.11 (make oldest PYTHON=python3.11)")'
 	@[ -x .venv-oldest/bin/python ] || $(PYTHON) -m venv .venv-oldest
 	.venv-oldest/bin/python -m pip install --quiet --constraint constraints-oldest.txt pip setuptools wheel
-	.venv-oldest/bin/python -m pip install --quiet --no-build-isolation --constraint constraints-oldest.txt \
-	  --editable '.[test,playback,datasets,train,viz]'
+	PYTHONWARNINGS=ignore .venv-oldest/bin/python -m pip install --quiet --no-build-isolation --constraint constraints-oldest.txt \
+	  --editable '.[test,playback,datasets,train]'
 	@touch $@
 
 clean:
