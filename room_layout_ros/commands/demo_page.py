@@ -19,7 +19,7 @@ class DemoFacts:
     ----------
     title, source : what was shown. live : through the node over DDS, or without ROS.
     cards : (number, what, beside). topics : (name, type, messages) of the recording.
-    animation, sheet, mcap, bag : files in the folder of the page. sheets : all contact sheets.
+    animation, sheet, mcap, bag : paths relative to the page. sheets : all contact sheets.
     commands : what was run, for whoever wants to repeat it. notes : anything that fell short.
     """
 
@@ -78,8 +78,8 @@ def demo_html(facts: DemoFacts) -> str:
 
 
 def _image(path: Path, alt: str) -> str:
-    return f"<img src='{escape(path.name, quote=True)}' alt='{escape(alt, quote=True)}'>"
+    return f"<img src='{escape(path.as_posix(), quote=True)}' alt='{escape(alt, quote=True)}'>"
 
 
 def _link(path: Path) -> str:
-    return f"<a href='{escape(path.name, quote=True)}'>{escape(path.name)}</a>"
+    return f"<a href='{escape(path.as_posix(), quote=True)}'>{escape(path.name)}</a>"

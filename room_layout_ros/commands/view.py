@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--stage", choices=list(STAGES), help="one stage at full size instead of all")
     parser.add_argument("--out", type=Path, metavar="PNG", help="picture to write (default: view-NAME[-STAGE].png)")
     parser.add_argument("--rgb-only", action="store_true", help="leave the depth unused")
-    parser.add_argument("--interactive", action="store_true", help="open the Rerun viewer (extra viewer)")
+    parser.add_argument("--interactive", action="store_true", help="open the Rerun viewer (extra viz)")
     parser.add_argument("--rrd", type=Path, metavar="FILE", help="write a recording for the Rerun viewer")
     parser.add_argument("--limit", type=int, default=300, metavar="N", help="most frames for the viewer (default 300)")
     parser.add_argument(

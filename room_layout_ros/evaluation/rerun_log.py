@@ -87,5 +87,5 @@ def _rerun() -> Any:
     try:
         import rerun
     except ImportError:
-        raise DataError("the interactive view needs Rerun: pip install 'room_layout_ros[viewer]'") from None
+        raise DataError("the interactive view needs Rerun: pip install 'room_layout_ros[viz]'") from None
     return rerun
