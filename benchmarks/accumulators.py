@@ -1,14 +1,16 @@
 """Accumulators of the compatibility energy: naive against the paper's Alg. 2 against ours, in one run.
 
-Each way answers the same question, the one inference asks in every iteration of Alg. 1: given a labelling, what does each pair
-of rays cost under all 30 compatibility weights (5 faces x 6 labels)? The answers are checked to be equal before they are timed.
+Each way answers the same question, the one inference asks in every iteration of Alg. 1: given a labelling, what does
+each pair of rays cost under all 30 compatibility weights (5 faces x 6 labels)? The answers are checked to be equal
+before they are timed.
 
   naive     every pixel is looked at for every pair of states of its quadrant, O(N |Y|^2), as in [S12]
   Alg. 2    one pass over the pixels per label, the bin carried on from the neighbour, O(N), then sums (paper 3.5)
-  ours      counts of (superpixel, cell) once per frame; per iteration one pass over the counts with the weights contracted
+  ours      counts of (superpixel, cell) once per frame; per iteration one pass over the counts with the weights
+  contracted
 
-The naive form is compiled too, and does all labels in one pass over the pixels, so the ratios are of algorithms, not of languages.
-The paper reports 7 s against 0.32 s: a ratio of 22.
+The naive form is compiled too, and does all labels in one pass over the pixels, so the ratios are of algorithms, not
+of languages. The paper reports 7 s against 0.32 s: a ratio of 22.
 
     python -m benchmarks accumulators
 """
@@ -94,11 +96,16 @@ def _naive(m, labels, quadrant, vertical, horizontal, slopes, bins, corner_bin, 
 
 def alg2_tables(grid: RayGrid, labels: NDArray[np.int64], weights: NDArray[np.float64]) -> PairTables:
     """One pass over the pixels per label (paper, Alg. 2)."""
-    tables = [np.zeros((len(grid.side_states(v)), len(grid.side_states(h)))) for v, h in zip(QUADRANT_VERTICAL, QUADRANT_HORIZONTAL, strict=True)]
+    tables = [
+        np.zeros((len(grid.side_states(v)), len(grid.side_states(h))))
+        for v, h in zip(QUADRANT_VERTICAL, QUADRANT_HORIZONTAL, strict=True)
+    ]
     for label in range(6):
         front, side, top = accumulate(grid, (labels == label).astype(np.float64))
         for q in range(4):
-            tables[q] += weights[FRONT, label] * front[q] + weights[SIDE[q], label] * side[q] + weights[TOP[q], label] * top[q]
+            tables[q] += (
+                weights[FRONT, label] * front[q] + weights[SIDE[q], label] * side[q] + weights[TOP[q], label] * top[q]
+            )
     return tables[0], tables[1], tables[2], tables[3]
 
 
@@ -149,7 +156,10 @@ def run(rounds: int) -> dict[str, float]:
         rounds,
     )
     median = {name: statistics.median(values) for name, values in times.items()}
-    print(f"640x480, 200 superpixels, {int(grid.state_counts.sum())} states on four sides; median of {rounds} interleaved rounds")
+    print(
+        f"640x480, 200 superpixels, {int(grid.state_counts.sum())} states on four sides; "
+        f"median of {rounds} interleaved rounds"
+    )
     for name, seconds in median.items():
         ratio = statistics.median(a / b for a, b in zip(times["naive"], times[name], strict=True))
         print(f"  {name:30s} {1e3 * seconds:10.3f} ms   naive / this {ratio:8.1f}")

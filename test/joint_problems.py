@@ -23,7 +23,9 @@ def random_problem(
     x, y = np.arange(64) * columns // 64, np.arange(48) * rows // 48
     index = (y[:, None] * columns + x).astype(np.int32)
     nodes = columns * rows
-    code = rng.integers(0, 36, (12, 16)).repeat(4, axis=0).repeat(4, axis=1)  # orientation and true face of patches of 4 x 4
+    code = (
+        rng.integers(0, 36, (12, 16)).repeat(4, axis=0).repeat(4, axis=1)
+    )  # orientation and true face of patches of 4 x 4
     atoms = (index * 36 + code).astype(np.int32)
     number = np.arange(nodes * 36)
     counts = count_cells(compute_ray_grid(CAMERA, R, rays, 64), atoms, len(number))
@@ -34,7 +36,9 @@ def random_problem(
     below = [(i, i + columns) for i in range(nodes - columns)]
     edges = np.array(right + below, dtype=np.int32).reshape(-1, 2)
     sign = rng.uniform(-1, 1, (len(edges), 3))
-    relation = np.column_stack([sign[:, 0], -sign[:, 0], sign[:, 1], -sign[:, 1], sign[:, 2], -sign[:, 2]]).clip(0.0, 1.0)
+    relation = np.column_stack([sign[:, 0], -sign[:, 0], sign[:, 1], -sign[:, 1], sign[:, 2], -sign[:, 2]]).clip(
+        0.0, 1.0
+    )
     points = rng.uniform((-2, -1.2, 0.5), (2, 1.4, 4), (400, 3))
     profiles = compute_depth_profiles(
         points, rng.uniform(size=(400, 3)), rng.uniform(size=(400, 5)), np.full(400, 0.02), scale_count=5

@@ -33,7 +33,7 @@ def naive_bins(grid: RayGrid) -> tuple[NDArray[np.int64], ...]:
 def naive_face_tables(
     grid: RayGrid, feature: NDArray[np.float64]
 ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]], list[NDArray[np.float64]]]:
-    """Mass of a feature in the front, side and top part of each quadrant: all pixels looked at for every pair of states."""
+    """Mass of a feature in the front, side and top part of each quadrant: all pixels for every pair of states."""
     quadrant, vertical, horizontal, angle, ahead = naive_bins(grid)
     front, side, top = [], [], []
     for q in range(4):

@@ -37,7 +37,10 @@ def linear_program(problem: LabelProblem, integral: bool) -> float:
     for e, (i, j) in enumerate(problem.edges):
         base = n_node + e * labels * labels
         for a in range(labels):
-            for node, cells in ((i, range(base + a * labels, base + (a + 1) * labels)), (j, range(base + a, base + labels * labels, labels))):
+            for node, cells in (
+                (i, range(base + a * labels, base + (a + 1) * labels)),
+                (j, range(base + a, base + labels * labels, labels)),
+            ):
                 rows.extend([row] * (labels + 1))
                 columns.extend([*cells, int(node) * labels + a])
                 values.extend([1.0] * labels + [-1.0])

@@ -46,7 +46,11 @@ def energy_of_inference(
     """E(x, y) from the tables that the minimisation reads."""
     sides, constant = plane_costs(problem, weights, float(problem.scales[c]))
     planes = constant + sum(float(side[state]) for side, state in zip(sides, layout, strict=True))
-    return label_problem(problem, weights).energy(labels) + layout_energy(layout_tables(problem, weights, labels), layout) + planes
+    return (
+        label_problem(problem, weights).energy(labels)
+        + layout_energy(layout_tables(problem, weights, labels), layout)
+        + planes
+    )
 
 
 def random_layout(rng: np.random.Generator, problem: JointProblem) -> Layout:
@@ -55,7 +59,9 @@ def random_layout(rng: np.random.Generator, problem: JointProblem) -> Layout:
 
 
 @pytest.mark.parametrize("with_depth", (True, False))
-def test_weights_times_features_are_the_energy_that_inference_minimises(rng: np.random.Generator, with_depth: bool) -> None:
+def test_weights_times_features_are_the_energy_that_inference_minimises(
+    rng: np.random.Generator, with_depth: bool
+) -> None:
     problem, weights = random_problem(rng, with_depth=with_depth), random_weights(rng)
     for _ in range(25):
         labels = rng.integers(0, 6, 48)
@@ -93,7 +99,9 @@ def test_energy_never_rises_and_ends_as_its_features_say(seed: int) -> None:
     found = solve_joint(problem, weights, CONFIG)
     assert all(b <= a + 1e-9 for a, b in itertools.pairwise(found.energies)), found.energies
     assert found.energies[-1] == pytest.approx(found.energy)
-    assert weights.vector @ joint_features(problem, found.labels, found.layout, found.scale) == pytest.approx(found.energy, abs=1e-9)
+    assert weights.vector @ joint_features(problem, found.labels, found.layout, found.scale) == pytest.approx(
+        found.energy, abs=1e-9
+    )
     assert found.bound <= found.energy + 1e-9
     assert found.finished
 
@@ -115,7 +123,8 @@ def exhaustive_minimum(problem: JointProblem, weights: ModelWeights) -> float:
     tables = layout_tables(problem, weights)
     planes = [plane_costs(problem, weights, float(c)) for c in problem.scales]
     best = np.inf
-    for layout in itertools.product(*(range(int(n)) for n in problem.counts.grid.state_counts)):
+    a, b, c, d = (range(int(n)) for n in problem.counts.grid.state_counts)
+    for layout in itertools.product(a, b, c, d):
         coupled = coupling(problem, weights, layout)
         joint = of_labels + coupled[np.arange(4), labellings].sum(axis=1)
         depth = min(k + sum(float(u[s]) for u, s in zip(sides, layout, strict=True)) for sides, k in planes)
@@ -198,7 +207,8 @@ def test_every_superpixel_is_shared_among_the_faces(rng: np.random.Generator) ->
 
 def test_the_physical_table_says_the_same_seen_from_both_sides() -> None:
     table = physical_table()
-    np.testing.assert_array_equal(table, reversed_relation(table.reshape(36, 6)).reshape(6, 6, 6).transpose(1, 0, 2))
+    mirrored = reversed_relation(table.reshape(36, 6).astype(np.float64)).reshape(6, 6, 6).transpose(1, 0, 2)
+    np.testing.assert_array_equal(table, mirrored.astype(bool))
     assert not table[np.arange(6), np.arange(6)].any()
 
 

@@ -11,7 +11,7 @@ from room_layout_ros.core.labelling import LabelProblem, solve_labelling
 
 
 def planar_problem(rng: np.random.Generator, nodes: int, strength: float, labels: int = 6) -> LabelProblem:
-    """Random costs on a triangulation, with penalties on a quarter of the label pairs and for unlike labels: not submodular."""
+    """Random costs on a triangulation, penalties on a quarter of the label pairs: not submodular."""
     triangles = Delaunay(rng.uniform(size=(nodes, 2))).simplices
     pairs = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [0, 2]]])
     edges = np.unique(np.sort(pairs, axis=1), axis=0).astype(np.int32)

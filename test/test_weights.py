@@ -176,7 +176,9 @@ def test_another_version_or_kind_is_refused(path: Path) -> None:
         load_weights(path)
 
 
-@pytest.mark.parametrize("card", (b"", b"[1]", b"null", b"\xff\xfe", b"[" * 100_000), ids=("empty", "list", "null", "binary", "deep"))
+@pytest.mark.parametrize(
+    "card", (b"", b"[1]", b"null", b"\xff\xfe", b"[" * 100_000), ids=("empty", "list", "null", "binary", "deep")
+)
 def test_an_unreadable_card_is_refused(path: Path, card: bytes) -> None:
     rewrite(path, lambda m: m.update({"card.json": card}))
     with pytest.raises(WeightsError):

@@ -1,8 +1,8 @@
 """What depth says about the offset of each plane: support and violation profiles (docs/method.md, section 5).
 
-A cell of the depth image *supports* the plane that it lies on with an agreeing normal, and *violates* every plane that it lies
-beyond. Both depend on one plane's offset alone, so in the joint energy they are unary terms, given the metric scale c (the
-distance of the front wall): the planes of a layout are at a c.
+A cell of the depth image *supports* the plane that it lies on with an agreeing normal, and *violates* every plane that
+it lies beyond. Both depend on one plane's offset alone, so in the joint energy they are unary terms, given the metric
+scale c (the distance of the front wall): the planes of a layout are at a c.
 """
 
 from __future__ import annotations

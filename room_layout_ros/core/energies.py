@@ -2,8 +2,8 @@
 
 All terms are shares of the image, so that weights do not depend on the resolution or the number of superpixels:
 layout and compatibility terms per pixel, unary terms per superpixel area, pair terms per border length times the mean
-superpixel's side. Every named block of phi (`weights.BLOCKS`) has its costs here once, for inference, and its features once, for
-learning; a test holds them equal.
+superpixel's side. Every named block of phi (`weights.BLOCKS`) has its costs here once, for inference, and its features
+once, for learning; a test holds them equal.
 """
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ class JointProblem:
     atom_region : (A,) uint8, the true face in learning, else 0.
     label_gc : (K, 6) float64 probabilities of geometric context.
     label_om : (K, 5) float64 share of each superpixel's pixels per orientation.
-    label_depth : (K, 12) float64 six cosines and six distances, each in the order of the labels (paper 3.2); 0 without depth.
+    label_depth : (K, 12) float64 six cosines and six distances, each in the order of the labels (paper 3.2); 0 without
+        depth.
     edges : (E, 2) int32 touching superpixels i < j.
     contact : (E,) float64 length of the border times the mean side of a superpixel, share of the image.
     relation : (E, 6) float64 0..1: i is above, below, right of, left of, in front of (farther), behind j.
@@ -115,7 +116,8 @@ def _sum_by(values, group, groups):  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True, slots=True)
 class ExtraCosts:
-    """Costs added to the model's, for loss-augmented inference: (A, 5) per atom and face, (K, 6) per superpixel and label.
+    """Costs added to the model's, for loss-augmented inference: (A, 5) per atom and face, (K, 6) per superpixel and
+    label.
 
     Both are for the whole atom or superpixel, in shares of the image.
     """
@@ -136,9 +138,7 @@ def layout_costs(problem: JointProblem, weights: ModelWeights, extra: ExtraCosts
     return cost
 
 
-def compatibility_costs(
-    problem: JointProblem, weights: ModelWeights, labels: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def compatibility_costs(problem: JointProblem, weights: ModelWeights, labels: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the cost of one pixel of each atom in each face for labels (K,) 0..5, E_comp: (A, 5)."""
     return weights.block("compatibility").T[labels[problem.atom_superpixel]] / problem.pixels
 
@@ -255,7 +255,9 @@ def joint_features(
     depth = problem.label_depth.reshape(-1, 2, N_LABELS)
     i, j = problem.edges.T
     forward = violations(problem.relation)[np.arange(len(i)), labels[i], labels[j]] * problem.contact
-    backward = violations(reversed_relation(problem.relation))[np.arange(len(i)), labels[j], labels[i]] * problem.contact
+    backward = (
+        violations(reversed_relation(problem.relation))[np.arange(len(i)), labels[j], labels[i]] * problem.contact
+    )
     pair = np.zeros((N_LABELS, N_LABELS))
     np.add.at(pair, (labels[i], labels[j]), forward)
     np.add.at(pair, (labels[j], labels[i]), backward)

@@ -4,12 +4,13 @@ In a quadrant (`ray_grid.py`) a pixel with ray (dx, dy, dz) belongs, for the lay
   front  where |dy| <= a_i dz and |dx| <= a_j dz,
   side   where |dx| >  a_j dz and t >= t(i, j),      t = |dx| / (|dx| + |dy|),  t(i, j) = a_j / (a_i + a_j),
   top    (ceiling or floor) else.
-Two histograms hold that for every pair: *boxes* over (vertical bin, horizontal bin), read by prefix sums, and *sectors* over
-(horizontal bin, angle bin), read by suffix sums with the bin that the corner falls into shared linearly. The three parts always add
-up to the quadrant. A bin is the number of states that the pixel lies beyond.
+Two histograms hold that for every pair: *boxes* over (vertical bin, horizontal bin), read by prefix sums, and
+*sectors* over (horizontal bin, angle bin), read by suffix sums with the bin that the corner falls into shared
+linearly. The three parts always add up to the quadrant. A bin is the number of states that the pixel lies beyond.
 
 Bins are found as in the paper's Alg. 2, moving on from the neighbour's; pixels of one *atom* (a region on which every
-feature is constant: superpixel x orientation) that share a cell are counted once, so a further accumulator is one pass over the counts.
+feature is constant: superpixel x orientation) that share a cell are counted once, so a further accumulator is one pass
+over the counts.
 """
 
 from __future__ import annotations
@@ -93,7 +94,9 @@ def lattice_shear(step: int) -> int:
     """Return c such that the pixels with (x + c y) mod step = 0 lie farthest from each other."""
 
     def nearest(c: int) -> int:
-        return min(((-c * dy + k * step) ** 2 + dy * dy) for dy in range(step) for k in range(-step, step + 1) if dy or k)
+        return min(
+            ((-c * dy + k * step) ** 2 + dy * dy) for dy in range(step) for k in range(-step, step + 1) if dy or k
+        )
 
     return max(range(step), key=nearest)
 
@@ -158,7 +161,8 @@ def face_counts(counts: CellCounts, layout: tuple[int, int, int, int]) -> NDArra
 
 
 def accumulate(grid: RayGrid, feature: NDArray[np.float64]) -> tuple[PairTables, PairTables, PairTables]:
-    """Return the mass of a per-pixel feature in the front, side and top part of every quadrant and pair (paper, Alg. 2).
+    """Return the mass of a per-pixel feature in the front, side and top part of every quadrant and pair (paper, Alg.
+    2).
 
     The general form for any feature image, one pass over the pixels each; the joint model uses `pair_tables`, which
     gives the same numbers from the counts of atoms.
@@ -173,7 +177,9 @@ def accumulate(grid: RayGrid, feature: NDArray[np.float64]) -> tuple[PairTables,
     front, side, top : four tables each; side is left or right, top is ceiling or floor by quadrant.
     """
     if feature.shape != (grid.camera.height, grid.camera.width):
-        raise ValueError(f"feature has shape {feature.shape}; the camera says {(grid.camera.height, grid.camera.width)}")
+        raise ValueError(
+            f"feature has shape {feature.shape}; the camera says {(grid.camera.height, grid.camera.width)}"
+        )
     boxes, sectors, total, behind = _accumulate(
         np.ascontiguousarray(feature, dtype=np.float64), grid.ray_matrix,
         grid.states, grid.state_counts, grid.slopes, grid.bin_counts, *_offsets(grid),
@@ -240,7 +246,7 @@ def _move_angle(bin_, horizontal, vertical, slopes, count):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True)
 def _sign_change(slope, offset, width):  # type: ignore[no-untyped-def]
-    """First x at which `slope x + offset >= 0` differs from its value at x = 0, evaluated as the pixels are; else width."""
+    """First x where `slope x + offset >= 0` is not as at x = 0, evaluated as the pixels are; else width."""
     first = offset >= 0.0
     if (slope * (width - 1) + offset >= 0.0) == first:
         return width

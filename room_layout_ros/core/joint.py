@@ -1,4 +1,4 @@
-"""Joint estimation of layout and labels: alternating exact minimisation (paper 3.3, Alg. 1; docs/method.md, section 8)."""
+"""Joint estimation of layout and labels by alternating exact minimisation (paper 3.3; docs/method.md, section 8)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,15 @@ from .joint_problem import FrameEvidence, build_joint_problem
 from .labelling import Labelling, LabelProblem, solve_labelling
 from .labels import FRONT_WALL, N_FACES
 from .layout import RoomCuboid
-from .layout_search import Layout, RankedLayout, add_unaries, diverse_layouts, layout_energy, min_marginals, search_layout
+from .layout_search import (
+    Layout,
+    RankedLayout,
+    add_unaries,
+    diverse_layouts,
+    layout_energy,
+    min_marginals,
+    search_layout,
+)
 from .ray_grid import SIDE_FACE
 from .superpixels import Superpixels
 from .weights import ModelWeights
@@ -42,7 +50,8 @@ class JointSolution:
 
     Attributes
     ----------
-    layout : state indices of ceiling, floor, left and right ray. scale : distance of the front wall in m (1 without depth).
+    layout : state indices of ceiling, floor, left and right ray. scale : distance of the front wall in m (1 without
+        depth).
     labels : (K,) int64, 0..5. energy : E(x, y). bound : no labels and layout have less. gap : energy - bound.
     energies : after every half step of the best start, never rising.
     face_confidence : (5,) 0..1 from the min-marginals; 0 for a face that is not in view.
@@ -118,7 +127,11 @@ def estimate_joint(
     """
     if not hypotheses:
         raise ValueError("no hypothesis of the axes is given; at least one is needed")
-    weights = weights.variant(config.joint_variant) if geometry is not None else weights.variant(config.joint_variant).variant("rgb")
+    weights = (
+        weights.variant(config.joint_variant)
+        if geometry is not None
+        else weights.variant(config.joint_variant).variant("rgb")
+    )
     best: tuple[int, JointProblem, JointSolution] | None = None
     energies: list[float] = []
     for index, evidence in enumerate(hypotheses):
@@ -206,7 +219,9 @@ class _Alternation:
         self.labels_alone = label_problem(problem, weights, extra)
         self.tables_alone = layout_tables(problem, weights, None, extra)
         self.planes = [plane_costs(problem, weights, float(c)) for c in problem.scales]
-        self.plane_minimum = np.array([sum(float(u.min()) for u in sides) + constant for sides, constant in self.planes])
+        self.plane_minimum = np.array(
+            [sum(float(u.min()) for u in sides) + constant for sides, constant in self.planes]
+        )
 
     def first_layouts(self) -> list[_Placed]:
         """Best layouts of E_layout alone: the diverse ones at the best scale."""
@@ -234,7 +249,9 @@ class _Alternation:
         best = known
         if known is not None:
             c = int(np.flatnonzero(self.problem.scales == known.scale)[0])
-            best = _Placed(known.layout, known.scale, layout_energy(tables, known.layout) + self.plane_energy(known.layout, c))
+            best = _Placed(
+                known.layout, known.scale, layout_energy(tables, known.layout) + self.plane_energy(known.layout, c)
+            )
         for c in np.argsort(self.plane_minimum, kind="stable"):
             if best is not None and floor + self.plane_minimum[c] >= best.energy - _TIE:
                 break
@@ -327,7 +344,10 @@ class _Alternation:
 def _face_confidence(
     problem: JointProblem, tables: PairTables, layout: Layout, temperature: float
 ) -> NDArray[np.float64]:
-    """Share of belief, exp(-min-marginal / temperature), within two states of the chosen ray; the front wall has the mean of its borders."""
+    """Share of belief, exp(-min-marginal / temperature), within two states of the chosen ray.
+
+    The front wall has the mean of its borders.
+    """
     confidence = np.zeros(N_FACES)
     seen = superpixel_faces(problem, layout).sum(axis=0)
     borders = []
@@ -365,5 +385,7 @@ def refine_cuboid(problem: JointProblem, weights: ModelWeights, solution: JointS
     for face, (low, high) in reach.items():
         trials = np.append(np.linspace(low, high, 15), distances[face])
         s, v = problem.profiles.at(face, trials)
-        distances[face] = trials[int(np.argmin(support[face] * s + violation[face] * v))] if s.max() > 0 else distances[face]
+        distances[face] = (
+            trials[int(np.argmin(support[face] * s + violation[face] * v))] if s.max() > 0 else distances[face]
+        )
     return RoomCuboid(cuboid.R_room_camera, distances)

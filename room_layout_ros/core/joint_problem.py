@@ -92,12 +92,17 @@ def build_joint_problem(
     orientation = of_orientation % _N_ORIENTATIONS if evidence.orientation is not None else np.zeros_like(number)
     atom_superpixel = (number // per_superpixel).astype(np.int32)
 
-    context = np.full((K, N_LABELS), 1.0 / N_LABELS) if evidence.context is None else np.asarray(evidence.context, np.float64)
+    context = (
+        np.full((K, N_LABELS), 1.0 / N_LABELS) if evidence.context is None else np.asarray(evidence.context, np.float64)
+    )
     orientation_map = np.eye(_N_ORIENTATIONS)[orientation, 1:]
     weight = np.bincount(atom_superpixel, counts.pixels, K)
-    of_label = np.stack(
-        [np.bincount(atom_superpixel, counts.pixels * orientation_map[:, k], K) for k in range(N_FACES)], axis=1
-    ) / np.maximum(weight, 1.0)[:, None]
+    of_label = (
+        np.stack(
+            [np.bincount(atom_superpixel, counts.pixels * orientation_map[:, k], K) for k in range(N_FACES)], axis=1
+        )
+        / np.maximum(weight, 1.0)[:, None]
+    )
     cues = np.zeros((K, 12)) if evidence.depth_cues is None else np.asarray(evidence.depth_cues, np.float64)
     with_depth = geometry is not None
     return JointProblem(
@@ -122,8 +127,8 @@ def compute_relations(
 ) -> NDArray[np.float64]:
     """(E, 6) float64 0..1: i above, below, right of, left of, in front of (farther), behind j (paper, Table 1).
 
-    Positions are the planes' points at the superpixels' centres, where both have one; without depth directions (u, v) tell
-    what they can, and nothing is in front or behind.
+    Positions are the planes' points at the superpixels' centres, where both have one; without depth directions (u, v)
+    tell what they can, and nothing is in front or behind.
     """
     centre = superpixels.center_px.astype(np.float64)
     rays = np.column_stack([(centre - (camera.cx, camera.cy)) / (camera.fx, camera.fy), np.ones(len(centre))]) @ R.T
@@ -182,9 +187,7 @@ def _profiles(
     return compute_depth_profiles(cells.points, cells.agreement, structure, cells.sigma, config.layout_scales)
 
 
-def loss_costs(
-    problem: JointProblem, label_truth: NDArray[np.float64], layout_share: float = 1.0
-) -> ExtraCosts:
+def loss_costs(problem: JointProblem, label_truth: NDArray[np.float64], layout_share: float = 1.0) -> ExtraCosts:
     """Return the pixel-wise losses of labelling and layout as costs; their negatives augment inference in learning.
 
     Parameters

@@ -1,7 +1,7 @@
 """Labels of the superpixels: a pairwise random field solved by TRW-S (docs/method.md, section 8).
 
-TRW-S (Kolmogorov, PAMI 2006) is a convergent, convex belief propagation over monotonic chains: its lower bound never falls,
-and where it meets the energy the labelling is proved optimal.
+TRW-S (Kolmogorov, PAMI 2006) is a convergent, convex belief propagation over monotonic chains: its lower bound never
+falls, and where it meets the energy the labelling is proved optimal.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .labels import N_LABELS
-
 
 _WIDTH = N_LABELS
 
@@ -46,7 +45,8 @@ class LabelProblem:
             raise ValueError(f"problem has {labels} labels; allowed are 1 to {_WIDTH}")
         if self.edges.shape != (len(self.edges), 2) or self.pairwise.shape != (len(self.edges), labels, labels):
             raise ValueError(
-                f"{self.edges.shape} edges with {self.pairwise.shape} costs; (E, 2) and (E, {labels}, {labels}) are needed"
+                f"{self.edges.shape} edges with {self.pairwise.shape} costs; "
+                f"(E, 2) and (E, {labels}, {labels}) are needed"
             )
         if len(self.edges) and not (
             (self.edges[:, 0] < self.edges[:, 1]).all() and self.edges.min() >= 0 and self.edges.max() < nodes
@@ -90,7 +90,8 @@ def solve_labelling(problem: LabelProblem, sweeps: int = 20, start: Labelling | 
     sweeps : int
         Forward-backward sweeps at most; it ends earlier when the bound meets the energy.
     start : Labelling, optional
-        Of a similar problem on the same edges. Its messages warm-start the sweeps, and the result costs no more than its labels.
+        Of a similar problem on the same edges. Its messages warm-start the sweeps, and the result costs no more than
+        its labels.
     """
     nodes, _ = problem.unary.shape
     if start is None:
@@ -109,13 +110,16 @@ def solve_labelling(problem: LabelProblem, sweeps: int = 20, start: Labelling | 
 def _padded(problem: LabelProblem) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
     """Unary costs, edges, and pairwise costs both ways, (2, E, 6, 6): of (first, second) and of (second, first).
 
-    Kernels have loops of a fixed number of labels, which the compiler unrolls; missing ones cost more than any labelling.
+    Kernels have loops of a fixed number of labels, which the compiler unrolls; missing ones cost more than any
+    labelling.
     """
     labels = problem.unary.shape[1]
     both = np.stack([problem.pairwise, problem.pairwise.transpose(0, 2, 1)])
     if labels == _WIDTH:
         return np.ascontiguousarray(problem.unary), problem.edges, both
-    unary = np.full((len(problem.unary), _WIDTH), 1.0 + 2.0 * (np.abs(problem.unary).sum() + np.abs(problem.pairwise).sum()))
+    unary = np.full(
+        (len(problem.unary), _WIDTH), 1.0 + 2.0 * (np.abs(problem.unary).sum() + np.abs(problem.pairwise).sum())
+    )
     unary[:, :labels] = problem.unary
     pairwise = np.zeros((2, len(problem.edges), _WIDTH, _WIDTH))
     pairwise[:, :, :labels, :labels] = both

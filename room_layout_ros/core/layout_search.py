@@ -1,7 +1,7 @@
 """Exact search over layouts: the minimum, min-marginals and the M best of a 4-cycle (docs/method.md, section 8).
 
-The cost of a layout (y1, y2, y3, y4) is P13 + P14 + P23 + P24, four pair tables (`integral_geometry.PairTables`, unary terms
-added in). For fixed (y1, y2) the best y3 and the best y4 are independent, so
+The cost of a layout (y1, y2, y3, y4) is P13 + P14 + P23 + P24, four pair tables (`integral_geometry.PairTables`, unary
+terms added in). For fixed (y1, y2) the best y3 and the best y4 are independent, so
   T(y1, y2) = min_y3 [P13 + P23] + min_y4 [P14 + P24]
 is exact, in O(|Y|^3), and its minimum is the global one.
 """
@@ -36,7 +36,8 @@ def layout_energy(tables: PairTables, layout: Layout) -> float:
 
 
 def add_unaries(
-    tables: PairTables, unaries: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+    tables: PairTables,
+    unaries: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
 ) -> PairTables:
     """Return the tables with a cost per state of ceiling, floor, left and right ray added (each once)."""
     ceiling, floor, left, right = unaries
@@ -69,7 +70,9 @@ def min_marginals(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return, for each state of ceiling, floor, left and right ray, the least cost of a layout that has it."""
     over_walls = _eliminate(tables[0], tables[2]) + _eliminate(tables[1], tables[3])
-    over_levels = _eliminate(_turned(tables[0]), _turned(tables[1])) + _eliminate(_turned(tables[2]), _turned(tables[3]))
+    over_levels = _eliminate(_turned(tables[0]), _turned(tables[1])) + _eliminate(
+        _turned(tables[2]), _turned(tables[3])
+    )
     return over_walls.min(axis=1), over_walls.min(axis=0), over_levels.min(axis=1), over_levels.min(axis=0)
 
 
@@ -124,7 +127,12 @@ def diverse_layouts(tables: PairTables, count: int, distance: int = 4) -> list[R
             break
         if level_best.min() <= wall_best.min():
             i1, i2 = (int(v) for v in np.unravel_index(int(level_best.argmin()), levels.shape))
-            layout = (i1, i2, int((tables[0][i1] + tables[2][i2]).argmin()), int((tables[1][i1] + tables[3][i2]).argmin()))
+            layout = (
+                i1,
+                i2,
+                int((tables[0][i1] + tables[2][i2]).argmin()),
+                int((tables[1][i1] + tables[3][i2]).argmin()),
+            )
             _close(level_open, layout[:2], distance)
         else:
             j3, j4 = (int(v) for v in np.unravel_index(int(wall_best.argmin()), walls.shape))

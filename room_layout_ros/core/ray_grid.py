@@ -1,9 +1,9 @@
 """The discrete layouts of one view: states of the four rays and bins of the corner angle (docs/method.md, section 7).
 
-The signs of a pixel's ray (dx, dy) in room axes put it into one of four *quadrants*, and a quadrant meets one side wall,
-one of ceiling and floor, and the front wall only. So the face of a pixel depends on one pair of parameters, and the cost of
-a layout is the sum of four pair tables: upper left (y1, y3), upper right (y1, y4), lower left (y2, y3), lower right (y2, y4).
-Within a quadrant the parameters are used by magnitude: a = |y|.
+The signs of a pixel's ray (dx, dy) in room axes put it into one of four *quadrants*, and a quadrant meets one side
+wall, one of ceiling and floor, and the front wall only. So the face of a pixel depends on one pair of parameters, and
+the cost of a layout is the sum of four pair tables: upper left (y1, y3), upper right (y1, y4), lower left (y2, y3),
+lower right (y2, y4). Within a quadrant the parameters are used by magnitude: a = |y|.
 """
 
 from __future__ import annotations
@@ -45,14 +45,15 @@ class RayGrid:
     ----------
     camera : CameraIntrinsics
     R_room_camera : (3, 3) float64, rows X right, Y down, Z front in the camera frame.
-    states : (4, n) float64, |y| of ceiling, floor, left, right, ascending; the last used state and the padding are +inf:
-        the face is absent.
+    states : (4, n) float64, |y| of ceiling, floor, left, right, ascending; the last used state and the padding are
+        +inf: the face is absent.
     state_counts : (4,) int64, states used per side, the absent one included; at least 1.
-    slopes : (4, m) float64, |dx|/|dy| at the lower edge of each angle bin per quadrant, ascending from 0, padded with inf.
+    slopes : (4, m) float64, |dx|/|dy| at the lower edge of each angle bin per quadrant, ascending from 0, padded with
+        inf.
     edges : (4, m + 1) float64, the same edges as t = |dx|/(|dx|+|dy|) from 0 to 1, padded with 1.
     bin_counts : (4,) int64, angle bins per quadrant, at least 1.
-    corner_bin, corner_share : per quadrant (n_i, n_j) int64 and float64, angle bin of the corner of each pair of states, and
-        the share of that bin on the side wall's part.
+    corner_bin, corner_share : per quadrant (n_i, n_j) int64 and float64, angle bin of the corner of each pair of
+        states, and the share of that bin on the side wall's part.
     """
 
     camera: CameraIntrinsics
@@ -85,7 +86,10 @@ class RayGrid:
         """
         for side, state in enumerate(layout):
             if not 0 <= state < self.state_counts[side]:
-                raise ValueError(f"layout {layout} has no state {state} on side {side}; allowed is 0 to {self.state_counts[side] - 1}")
+                raise ValueError(
+                    f"layout {layout} has no state {state} on side {side}; "
+                    f"allowed is 0 to {self.state_counts[side] - 1}"
+                )
         ceiling, floor, left, right = (self.states[side, state] * scale for side, state in enumerate(layout))
         return RoomCuboid(self.R_room_camera, np.array([ceiling, floor, left, scale, right]))
 
@@ -111,8 +115,8 @@ def compute_ray_grid(
     """Place the states so that neighbouring face borders enclose about the same number of pixels everywhere.
 
     The states of a side are the quantiles of |u| or |v| over the image's pixels on that side, which needs no case for
-    vanishing points inside, outside or at infinity. Where the horizon of a side is out of view, a few states nearer than
-    the image are added: their corner is not seen, but the border that runs from it may be.
+    vanishing points inside, outside or at infinity. Where the horizon of a side is out of view, a few states nearer
+    than the image are added: their corner is not seen, but the border that runs from it may be.
 
     Parameters
     ----------
@@ -138,7 +142,7 @@ def compute_ray_grid(
     horizontal, vertical = np.abs(dx), np.abs(dy)
     masks = (dy < 0, dy >= 0, dx < 0, dx >= 0)
     sides = [
-        _side_states(magnitude[mask], dz[mask], 2 * rays * np.count_nonzero(mask) // mask.size)
+        _side_states(magnitude[mask], dz[mask], 2 * rays * int(np.count_nonzero(mask)) // mask.size)
         for mask, magnitude in zip(masks, (vertical, vertical, horizontal, horizontal), strict=True)
     ]
     angle = horizontal / np.maximum(horizontal + vertical, 1e-12)
@@ -153,7 +157,9 @@ def compute_ray_grid(
     states = np.full((N_SIDES, max(len(s) for s in sides)), np.inf)
     for side, s in enumerate(sides):
         states[side, : len(s)] = s
-    corners = [_corners(sides[QUADRANT_VERTICAL[q]], sides[QUADRANT_HORIZONTAL[q]], edges[q]) for q in range(N_QUADRANTS)]
+    corners = [
+        _corners(sides[QUADRANT_VERTICAL[q]], sides[QUADRANT_HORIZONTAL[q]], edges[q]) for q in range(N_QUADRANTS)
+    ]
     return RayGrid(
         camera=camera,
         R_room_camera=R,

@@ -1,7 +1,7 @@
 """The learned model as a value and as a file: .npz, never pickle, checked before anything is believed.
 
-A model file is a zip of .npy arrays and one member `card.json` with kind, schema version, SHA-256 of the arrays and whatever the
-trainer wrote about data, date and command. The same arrays give the same bytes.
+A model file is a zip of .npy arrays and one member `card.json` with kind, schema version, SHA-256 of the arrays and
+whatever the trainer wrote about data, date and command. The same arrays give the same bytes.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ BLOCKS: Mapping[str, tuple[int, ...]] = {
     "face_absent": (4,),
     "front_axis": (1,),
 }
-"""Blocks of the feature vector in their order (docs/method.md, section 6); the first six are the paper's, the others ours."""
+"""Blocks of the feature vector in order (docs/method.md, section 6); the first six are the paper's, the others ours."""
 
 PAPER_BLOCKS = tuple(BLOCKS)[:6]
 
@@ -170,7 +170,8 @@ def start_weights() -> ModelWeights:
 
 
 def physical_table() -> NDArray[np.bool_]:
-    """(6, 6, 6) bool, [a, b, r]: a superpixel of label a cannot stand in relation r to a neighbour of label b (paper, Table 1).
+    """(6, 6, 6) bool, [a, b, r]: a superpixel of label a cannot stand in relation r to a neighbour of label b (paper,
+    Table 1).
 
     Relations r: above, below, right of, left of, in front of (farther along Z), behind.
     """
@@ -202,14 +203,17 @@ def load_weights(path: Path) -> ModelWeights:
     Raises
     ------
     WeightsError
-        When the file is missing, cut, too large, of another kind or version, changed, or holds a wrong or non-finite array.
+        When the file is missing, cut, too large, of another kind or version, changed, or holds a wrong or non-finite
+        array.
     """
     arrays, card = read_arrays(path, _KIND)
     for name, shape in BLOCKS.items():
         if name not in arrays:
             raise WeightsError(f"{path} has no block {name}; all of {', '.join(BLOCKS)} are needed")
         if arrays[name].shape != shape or arrays[name].dtype != np.float64:
-            raise WeightsError(f"block {name} of {path} is {arrays[name].dtype} {arrays[name].shape}; float64 {shape} is needed")
+            raise WeightsError(
+                f"block {name} of {path} is {arrays[name].dtype} {arrays[name].shape}; float64 {shape} is needed"
+            )
     unknown = set(arrays) - set(BLOCKS)
     if unknown:
         raise WeightsError(f"{path} has the unknown block {min(unknown)}; allowed are {', '.join(BLOCKS)}")
@@ -254,7 +258,9 @@ def read_arrays(path: Path, kind: str) -> tuple[dict[str, NDArray[Any]], dict[st
         found = card.get("kind") if isinstance(card, dict) else None
         raise WeightsError(f"{path} is of kind {str(found)[:80]!r}; {kind!r} is needed")
     if card.get("schema") != SCHEMA_VERSION:
-        raise WeightsError(f"{path} has schema version {str(card.get('schema'))[:20]}; version {SCHEMA_VERSION} is needed")
+        raise WeightsError(
+            f"{path} has schema version {str(card.get('schema'))[:20]}; version {SCHEMA_VERSION} is needed"
+        )
     contents = {name.removesuffix(".npy"): content for name, content in members.items()}
     if card.get("sha256") != _digest(contents):
         raise WeightsError(f"the arrays of {path} do not match their SHA-256; the file was changed or damaged")
@@ -273,7 +279,8 @@ def _read_members(path: Path) -> dict[str, bytes]:
             total = sum(entry.file_size for entry in entries)
             if len(entries) > MAX_MEMBERS or total > MAX_ARRAY_BYTES:
                 raise WeightsError(
-                    f"{path} unpacks to {len(entries)} members of {total} bytes; allowed are {MAX_MEMBERS} of {MAX_ARRAY_BYTES}"
+                    f"{path} unpacks to {len(entries)} members of {total} bytes; "
+                    f"allowed are {MAX_MEMBERS} of {MAX_ARRAY_BYTES}"
                 )
             members: dict[str, bytes] = {}
             for entry in entries:
@@ -284,7 +291,15 @@ def _read_members(path: Path) -> dict[str, bytes]:
             return members
     except OSError as error:
         raise WeightsError(f"{path} cannot be read: {error.strerror or error}") from None
-    except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, RuntimeError, EOFError, ValueError, zlib.error) as error:
+    except (
+        zipfile.BadZipFile,
+        zipfile.LargeZipFile,
+        NotImplementedError,
+        RuntimeError,
+        EOFError,
+        ValueError,
+        zlib.error,
+    ) as error:
         if isinstance(error, WeightsError):
             raise
         raise WeightsError(f"{path} is cut or no .npz file: {str(error)[:80]}") from None
@@ -294,9 +309,13 @@ def _parse(path: Path, name: str, content: bytes) -> NDArray[Any]:
     try:
         array: NDArray[Any] = np.load(io.BytesIO(content), allow_pickle=False)
     except (ValueError, OSError, EOFError, SyntaxError, MemoryError):
-        raise WeightsError(f"array {name[:80]!r} of {path} is no plain .npy array (pickled objects are refused)") from None
+        raise WeightsError(
+            f"array {name[:80]!r} of {path} is no plain .npy array (pickled objects are refused)"
+        ) from None
     if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiub":
-        raise WeightsError(f"array {name[:80]!r} of {path} has type {getattr(array, 'dtype', type(array))}; numbers are needed")
+        raise WeightsError(
+            f"array {name[:80]!r} of {path} has type {getattr(array, 'dtype', type(array))}; numbers are needed"
+        )
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         raise WeightsError(f"array {name[:80]!r} of {path} holds a value that is not finite")
     return array
