@@ -68,7 +68,7 @@ def map_ordered(
     jobs : int
         Local processes; 1 runs here. Ignored with a scheduler.
     scheduler : str or None
-        Address of a Dask scheduler ("tcp://host:8786"); needs the extra `cluster`.
+        Address of a Dask scheduler ("tcp://host:8786"); needs the extra `train`.
     progress : callable or None
         Called with the number of results so far.
     lost : callable or None
@@ -165,8 +165,13 @@ class _LokyPool:
     """Local processes; loky starts them clean (no fork of a threaded process) and notices when one dies."""
 
     def __init__(self, jobs: int) -> None:
-        from joblib.externals.loky import ProcessPoolExecutor
-        from joblib.externals.loky.process_executor import BrokenProcessPool
+        try:
+            from joblib.externals.loky import ProcessPoolExecutor
+            from joblib.externals.loky.process_executor import BrokenProcessPool
+        except ImportError:
+            raise ModuleNotFoundError(
+                "--jobs above 1 needs joblib: pip install 'room_layout_ros[train]'", name="joblib"
+            ) from None
 
         self.workers = jobs
         self.losses = (BrokenProcessPool,)
@@ -193,7 +198,7 @@ class _DaskPool:
             from distributed.scheduler import KilledWorker
         except ImportError:
             raise ModuleNotFoundError(
-                "--scheduler needs Dask: pip install 'room_layout_ros[cluster]'", name="distributed"
+                "--scheduler needs Dask: pip install 'room_layout_ros[train]'", name="distributed"
             ) from None
         try:
             self._client = Client(scheduler, timeout=CONNECT_TIMEOUT_S)

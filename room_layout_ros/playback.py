@@ -28,6 +28,9 @@ from room_layout_ros.datasets.writers import fits_millimetres
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _QUEUE_DEPTH = 10
 _CLOCK_STEP_S = 0.01
+_SETTLE_S = 0.2
+"""Our count of subscribers says that we have found them; they may take this long to find us."""
+
 _LAST_WORDS_S = 0.3
 """After the last message the readers get this long to fetch it."""
 
@@ -237,6 +240,8 @@ class _Player:
             if time.monotonic() > deadline:
                 raise DataError(f"{missing[0]} has not {wanted} subscribers after {self.options.wait_timeout_s:g} s")
             time.sleep(0.02)
+        if wanted:
+            time.sleep(_SETTLE_S)
 
     def _publisher(self, message: RawMessage) -> Any:
         topic = self._names.get(message.topic, message.topic)

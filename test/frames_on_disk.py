@@ -52,4 +52,6 @@ def assert_same_samples(actual: list[Sample], expected: list[Sample]) -> None:
         assert b.truth is not None
         np.testing.assert_array_equal(a.truth.layout, b.truth.layout)
         np.testing.assert_array_equal(a.truth.labels40, b.truth.labels40)
+        assert a.T_world_camera is not None
+        assert b.T_world_camera is not None
         np.testing.assert_allclose(a.T_world_camera, b.T_world_camera, atol=1e-11)

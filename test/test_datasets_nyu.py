@@ -11,14 +11,14 @@ import pytest
 from room_layout_ros.datasets import DataError, good_samples, open_source
 from room_layout_ros.datasets.nyu import NYU_CAMERA, open_nyu
 
-h5py = pytest.importorskip("h5py", reason="h5py is not installed (extra train)")
+h5py = pytest.importorskip("h5py", reason="h5py is not installed (extra datasets)")
 
 SIZE = (480, 640)
 
 
 def write_mat(path: Path, rng: np.random.Generator, labels40: bool = True) -> dict[str, Any]:
     """Write H x W x 3 x N by columns, as MATLAB does."""
-    truth = {
+    truth: dict[str, Any] = {
         "images": rng.integers(0, 256, (2, *SIZE, 3)).astype(np.uint8),
         "depths": rng.uniform(0.7, 9.9, (2, *SIZE)).astype(np.float32),
         "labels40": rng.integers(0, 41, (2, *SIZE)).astype(np.uint16),

@@ -82,14 +82,14 @@ def test_no_workers_and_no_scheduler_are_refused(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("room_layout_ros.parallel.CONNECT_TIMEOUT_S", 1)
     with pytest.raises(ValueError, match="jobs is 0"):
         list(map_ordered(square, [1], jobs=0))
-    pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)")
+    pytest.importorskip("distributed", reason="Dask is not installed (extra train)")
     with pytest.raises(ConnectionError, match="no Dask scheduler answers"):
         list(map_ordered(square, [1], scheduler="tcp://127.0.0.1:9"))
 
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_dask_cluster_gives_the_same_and_survives_a_worker(tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)")
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra train)")
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=60
     ) as cluster:

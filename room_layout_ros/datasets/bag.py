@@ -266,7 +266,7 @@ def open_bag(
 
 
 def _names(reader: Reader) -> dict[int, str]:
-    custom = getattr(reader.storage.metadata, "custom", None) or {}
+    custom = reader.storage.metadata.custom or {}
     try:
         entries = json.loads(custom.get(NAMES_KEY, "{}"))
         # A name becomes a file name: nothing that leaves the folder may pass.
