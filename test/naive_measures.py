@@ -46,5 +46,5 @@ def naive_ece(confidence: NDArray[np.float64], correct: NDArray[np.float64], bin
     for b in range(bins):
         inside = [i for i, c in enumerate(confidence) if b / bins <= c < (b + 1) / bins or (b == bins - 1 and c == 1)]
         if inside:
-            total += len(inside) * abs(np.mean(correct[inside]) - np.mean(confidence[inside]))
+            total += float(len(inside) * abs(np.mean(correct[inside]) - np.mean(confidence[inside])))
     return total / len(confidence)

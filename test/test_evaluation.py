@@ -21,7 +21,7 @@ from room_layout_ros.evaluation.calibration import face_reliability, frame_relia
 from room_layout_ros.evaluation.prediction import Prediction
 from room_layout_ros.evaluation.scores import SetScore, run
 
-CAMERA = CameraIntrinsics(160, 120, 130.0, 130.0, 79.5, 59.5)
+CAMERA = CameraIntrinsics(640, 480, 520.0, 520.0, 319.5, 239.5)
 ROOM = RoomCuboid(np.eye(3), np.array([1.3, 1.2, 1.5, 3.0, 1.4]))
 N_FRAMES = 3
 

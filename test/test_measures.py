@@ -40,7 +40,7 @@ def test_errors_equal_the_naive_ones(seed: int) -> None:
     assert score.layout_error_fixed == pytest.approx(naive_error(truth, estimate))
     assert score.layout_error == pytest.approx(naive_permuted_error(truth, estimate))
     assert score.labelling_error_fixed == pytest.approx(naive_error(labels, labels_estimate))
-    renamed = naive_renamed(labels_estimate, score.wall_names[3:6])  # type: ignore[arg-type]
+    renamed = naive_renamed(labels_estimate, score.wall_names[3:6])
     assert score.labelling_error == pytest.approx(naive_error(labels, renamed))
 
 
@@ -100,7 +100,7 @@ def test_calibration_error_equals_the_naive_one_and_is_zero_for_an_honest_foreca
 
 def test_bootstrap_interval_of_a_mean_agrees_with_the_normal_law() -> None:
     values = np.random.default_rng(1).normal(5.0, 2.0, 400)
-    low, high = measures.bootstrap_interval(values, np.mean, np.random.default_rng(2), draws=4000)  # type: ignore[arg-type]
+    low, high = measures.bootstrap_interval(values, np.mean, np.random.default_rng(2), draws=4000)
     half = 1.96 * values.std() / np.sqrt(len(values))
     assert low == pytest.approx(values.mean() - half, abs=0.03)
     assert high == pytest.approx(values.mean() + half, abs=0.03)

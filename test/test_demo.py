@@ -1,0 +1,149 @@
+"""The demo makes what it says: every file, every frame, and one sentence where it cannot."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from room_layout_ros.cli import main as room_layout
+from room_layout_ros.commands import demo, demo_live
+from room_layout_ros.commands.demo_pictures import ANIMATION_FRAMES, evenly, write_animation
+from room_layout_ros.commands.demo_results import read_recording
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.tracking import TemporalPrior, next_prior
+from room_layout_ros.datasets import DataError, good_samples, open_source
+
+N_FRAMES = 3
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("demo") / "out"
+    assert room_layout(["demo", "--no-node", "--frames", str(N_FRAMES), "--out", str(out)]) == 0
+    return out
+
+
+def check_page(out: Path) -> str:
+    """Everything the page points to is there; return the page."""
+    page = (out / "index.html").read_text()
+    targets = re.findall(r"(?:src|href)='([^']+)'", page)
+    assert targets
+    assert [t for t in targets if not (out / t).exists()] == []
+    return page
+
+
+def test_page_points_to_files_that_are_there(made: Path) -> None:
+    page = check_page(made)
+    assert f"{N_FRAMES} of {N_FRAMES}" in page
+    assert "without the node" in page
+
+
+def test_page_states_the_layout_error_against_the_rendered_truth(made: Path) -> None:
+    (shown,) = re.findall(r"<b>([\d.]+) %</b>layout error", check_page(made))
+    recording = read_recording(next((made / "results").glob("*.mcap")))
+    errors = []
+    for sample in good_samples(open_source(made / "input")):
+        assert sample.truth is not None
+        assert sample.truth.layout is not None
+        errors.append(float(np.mean(recording.layout[sample.frame.stamp_ns] != sample.truth.layout)))
+    assert float(shown) <= 100 * np.mean(errors) + 0.005  # wall names may be permuted there, not here
+    assert float(shown) < 10.0
+
+
+def test_recorded_labels_are_the_estimators_for_the_same_frames(made: Path) -> None:
+    recording = read_recording(next((made / "results").glob("*.mcap")))
+    estimator, prior = LayoutEstimator(), TemporalPrior()
+    for sample in good_samples(open_source(made / "input")):
+        estimate = estimator.estimate(sample.frame, prior)
+        prior = next_prior(estimate)
+        np.testing.assert_array_equal(recording.labels[sample.frame.stamp_ns], estimate.labels)
+        np.testing.assert_array_equal(recording.layout[sample.frame.stamp_ns], estimate.layout)
+
+
+def test_moving_picture_has_every_frame_beside_its_estimate(made: Path) -> None:
+    with Image.open(made / "overlay.webp") as picture:
+        assert picture.is_animated  # type: ignore[attr-defined]
+        assert picture.n_frames == N_FRAMES  # type: ignore[attr-defined]
+        assert picture.size == (960, 360)
+
+
+def test_demo_replaces_its_own_folder_and_no_other(made: Path, tmp_path: Path) -> None:
+    foreign = tmp_path / "thesis"
+    foreign.mkdir()
+    (foreign / "chapter1.tex").write_text("the only copy")
+    assert room_layout(["demo", "--no-node", "--frames", "1", "--out", str(foreign)]) == 2
+    assert (foreign / "chapter1.tex").read_text() == "the only copy"
+    assert (made / demo.MADE_BY_US).exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    (
+        (["--input", "/no/such/bag"], "does not exist"),
+        (["--frames", "0"], "1 or more"),
+        (["--rate", "0"], "0.01 to 10"),
+        (["--input", "{tmp}"], "no frames folder"),
+    ),
+)
+def test_bad_input_is_one_sentence_and_exit_code_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    filled = [word.format(tmp=tmp_path) for word in arguments]
+    assert room_layout(["demo", "--no-node", "--out", str(tmp_path / "out"), *filled]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert len(said.strip().splitlines()) == 1
+
+
+def test_where_ros_is_missing_the_demo_says_so_and_goes_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(demo, "ros_is_here", lambda: False)
+    assert room_layout(["demo", "--frames", "1", "--out", str(tmp_path / "out")]) == 0
+    assert "No ROS 2 wheels" in capsys.readouterr().err
+    check_page(tmp_path / "out")
+
+
+def test_a_process_that_ends_early_is_named_with_its_last_words(tmp_path: Path) -> None:
+    log = tmp_path / "node.txt"
+    with log.open("wb") as file:
+        popen = subprocess.Popen([sys.executable, "-c", "print('no such camera'); raise SystemExit(3)"], stdout=file)
+    popen.wait()
+    with pytest.raises(DataError, match=r"estimator ended with exit code 3: no such camera"):
+        demo_live.Process("estimator", popen, log).alive_or_refuse()
+
+
+@pytest.mark.parametrize(("count", "wanted"), ((1, 24), (24, 24), (220, 24), (7, 3)))
+def test_choice_of_frames_is_even_and_keeps_both_ends(count: int, wanted: int) -> None:
+    chosen = evenly(count, wanted)
+    assert len(chosen) == min(count, wanted)
+    assert (chosen[0], chosen[-1]) == (0, count - 1)
+    assert len(set(np.diff(chosen).tolist())) <= 2
+
+
+def test_long_runs_are_thinned_out(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)  # equal frames would be merged
+    frames = [rng.integers(0, 256, (16, 16, 3)).astype(np.uint8) for _ in range(2 * ANIMATION_FRAMES)]
+    write_animation(tmp_path / "a.webp", frames, seconds=2.0)
+    with Image.open(tmp_path / "a.webp") as picture:
+        assert picture.n_frames == ANIMATION_FRAMES  # type: ignore[attr-defined]
+
+
+@pytest.mark.dds
+@pytest.mark.slow
+def test_live_demo_brings_every_frame_back_through_the_node(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert room_layout(["demo", "--frames", "6", "--out", str(out), "--rate", "0.05"]) == 0
+    assert "6 of 6" in check_page(out)
+    recording = read_recording(next((out / "results").glob("*.mcap")))
+    counts = {topic: count for topic, _, count in recording.topics}
+    assert {counts[f"/estimator/{name}"] for name in ("labels", "layout", "overlay", "markers")} == {6}
+    stamps = {sample.frame.stamp_ns for sample in good_samples(open_source(out / "input"))}
+    assert set(recording.labels) == stamps
+    assert float(recording.health["latency_p50_ms"]) > 0

@@ -1,0 +1,130 @@
+"""`room-layout view` shows what was estimated; every stage is a picture of the frame's size."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from room_layout_ros.cli import main as room_layout
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.estimate import RoomEstimate, Status
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
+from room_layout_ros.core.labels import LABEL_COLORS
+from room_layout_ros.core.layout import RoomCuboid
+from room_layout_ros.datasets import Sample
+from room_layout_ros.datasets.images import read_color
+from room_layout_ros.datasets.synthetic import SyntheticSource
+from room_layout_ros.datasets.writers import FolderWriter
+from room_layout_ros.evaluation import pictures
+from room_layout_ros.evaluation.stages import STAGES, Look, draw_stage
+from room_layout_ros.evaluation.top_down import draw_top_down
+
+CAMERA = CameraIntrinsics(160, 120, 130.0, 130.0, 79.5, 59.5)
+
+
+@pytest.fixture(scope="module")
+def sample() -> Sample:
+    first = next(iter(SyntheticSource(frames=1, seed=4)))
+    assert isinstance(first, Sample)
+    return first
+
+
+@pytest.fixture(scope="module")
+def folder(sample: Sample, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("frames") / "room"
+    with FolderWriter(path) as writer:
+        writer.write(sample)
+    return path
+
+
+@pytest.mark.parametrize("with_depth", (True, False))
+def test_every_stage_is_a_picture_of_the_frames_size(sample: Sample, with_depth: bool) -> None:
+    frame = sample.frame if with_depth else sample.frame.without_depth()
+    config = EstimatorConfig()
+    look = Look(frame, LayoutEstimator(config).estimate(frame), config)
+    for name in STAGES:
+        image = draw_stage(name, look)
+        assert image.shape == (480, 640, 3), name
+        assert image.dtype == np.uint8, name
+
+
+def test_labels_stage_shows_the_colour_of_each_label() -> None:
+    labels = np.repeat(np.arange(7, dtype=np.uint8), 10)[None].repeat(8, axis=0)
+    image = np.full((*labels.shape, 3), 200, np.uint8)
+    painted = pictures.paint_labels(image, labels, opacity=1.0)
+    np.testing.assert_array_equal(painted[:, 10:], LABEL_COLORS[labels][:, 10:])
+    assert painted[:, :10].max() < 100  # unknown is dark
+
+
+def test_outlines_lie_on_the_borders_of_the_layout_alone() -> None:
+    layout = np.full((50, 60), 4, np.uint8)
+    layout[30:] = 2
+    drawn = pictures.draw_outlines(np.zeros((50, 60, 3), np.uint8), layout, (9, 9, 9), 1)
+    assert set(np.nonzero(drawn.any(axis=(1, 2)))[0].tolist()) == {29, 30}
+
+
+def test_missing_depth_is_black_and_near_is_red() -> None:
+    depth = np.linspace(1, 5, 100, dtype=np.float32)[None].repeat(4, axis=0)
+    depth[:, :5] = np.nan
+    painted = pictures.paint_depth(depth).astype(int)
+    assert not painted[:, :5].any()
+    assert (painted[:, 8, 0] > painted[:, 8, 2]).all()
+    assert (painted[:, 90, 2] > painted[:, 90, 0]).all()
+
+
+def test_top_down_draws_the_walls_where_they_are() -> None:
+    room = RoomCuboid(np.eye(3), np.array([1.0, 1.0, 1.5, 3.0, 1.5]))
+    layout = room.raster(CAMERA)
+    frame = RgbdFrame(CAMERA, None, room.depth(CAMERA))
+    empty = np.zeros_like(layout)
+    estimate = RoomEstimate(
+        Status.OK, layout, layout, empty, empty.astype(np.int32), np.eye(3), 1.0, 1.0, np.ones(5), room, ()
+    )
+    plan = draw_top_down(frame, estimate, (320, 240))
+    walls = (plan == (40, 46, 56)).all(axis=2)
+    columns, rows = np.nonzero(walls.sum(axis=0) > 60)[0], np.nonzero(walls.sum(axis=1) > 60)[0]
+    scale = (columns.max() - columns.min() - 2) / 3.0  # the side walls are 3 m apart, lines 3 px wide
+    assert len(rows) >= 1
+    camera = np.nonzero((plan == (20, 90, 220)).all(axis=2))
+    assert camera[0].max() - rows.mean() == pytest.approx(3.0 * scale, abs=12)
+
+
+def test_view_writes_all_stages_and_one_stage(folder: Path, tmp_path: Path) -> None:
+    assert room_layout(["view", str(folder), "--out", str(tmp_path / "all.png")]) == 0
+    assert room_layout(["view", str(folder), "--stage", "layout", "--out", str(tmp_path / "new" / "one.png")]) == 0
+    assert read_color(tmp_path / "new" / "one.png").shape == (480, 640, 3)
+    sheet = read_color(tmp_path / "all.png")
+    assert sheet.shape[0] > 3 * 360
+    assert cv2.Laplacian(sheet, cv2.CV_64F).var() > 100  # pictures, not blank paper
+
+
+@pytest.mark.skipif(importlib.util.find_spec("rerun") is None, reason="rerun-sdk is not installed (extra viz)")
+def test_view_writes_a_recording_for_rerun(folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "room.rrd"
+    assert room_layout(["view", str(folder), "--rrd", str(path)]) == 0
+    content = path.read_bytes()
+    assert content[:3] == b"RRF"
+    for entity in (b"room/camera/color", b"room/points", b"room/faces", b"confidence/front_wall"):
+        assert entity in content
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    (
+        (["--frame", "nope"], "no frame 'nope'"),
+        (["--out", "picture.txt"], ".png or .jpg"),
+        (["--rrd", "x.rrd", "--limit", "0"], "1 or more"),
+    ),
+)
+def test_bad_arguments_are_one_sentence_and_exit_code_2(
+    folder: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    assert room_layout(["view", str(folder), *arguments]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert len(said.strip().splitlines()) == 1
