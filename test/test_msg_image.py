@@ -109,7 +109,7 @@ def test_f16_unknown_colour_encodings_are_refused_in_a_short_clean_sentence(enco
 
 @pytest.mark.parametrize("encoding", ("8UC1", "rgb8", "mono8", "64FC1", ""))
 def test_f17_depth_in_another_encoding_is_refused(encoding: str) -> None:
-    with pytest.raises(ValueError, match="depth image has encoding .*; allowed are 16UC1, mono16, 32FC1"):
+    with pytest.raises(ValueError, match=r"depth image has encoding .*; allowed are 16UC1, mono16, 32FC1"):
         check_depth(packed(np.zeros((2, 2), np.uint8), encoding))
 
 

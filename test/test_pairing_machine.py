@@ -19,8 +19,8 @@ class PairingMachine(RuleBasedStateMachine):
 
     @initialize(gap=st.integers(0, 40), queue=st.integers(1, 12), color=st.booleans())
     def start(self, gap: int, queue: int, color: bool) -> None:
-        self.rules = PairingRules(max_gap_ns=gap * MS, queue_size=queue, use_color=color)
-        self.pairing: StreamPairing[tuple[str, int, int]] = StreamPairing(self.rules)
+        self.bounds = PairingRules(max_gap_ns=gap * MS, queue_size=queue, use_color=color)
+        self.pairing: StreamPairing[tuple[str, int, int]] = StreamPairing(self.bounds)
         self.now = START
         self.serial = 0
         self.sent = {COLOR: 0, DEPTH: 0}
@@ -40,16 +40,16 @@ class PairingMachine(RuleBasedStateMachine):
         for stream, stamp_ns, serial in parts:
             assert serial not in self.used, "a message is used once"
             self.used.add(serial)
-            assert abs(stamp_ns - pair.stamp_ns) <= self.rules.max_gap_ns
+            assert abs(stamp_ns - pair.stamp_ns) <= self.bounds.max_gap_ns
             assert stream == (COLOR if (stream, stamp_ns, serial) == pair.color else DEPTH)
         assert pair.depth is not None
         assert pair.stamp_ns == pair.depth[1], "the stamp is the depth image's"
-        assert (pair.color is not None) == self.rules.use_color
+        assert (pair.color is not None) == self.bounds.use_color
         if self.last is not None and not pair.reset:
             assert pair.stamp_ns > self.last.stamp_ns, "without a reset, stamps rise"
         if self.last is not None and pair.stamp_ns < self.last.stamp_ns:
             assert pair.reset
-            assert pair.stamp_ns <= self.last.stamp_ns - self.rules.reset_gap_ns, "late is not a jump"
+            assert pair.stamp_ns <= self.last.stamp_ns - self.bounds.reset_gap_ns, "late is not a jump"
 
     @rule(lost=st.sets(streams), swap=st.booleans(), offset=st.integers(-30, 30))
     def next_frame(self, lost: set[str], swap: bool, offset: int) -> None:
@@ -83,8 +83,8 @@ class PairingMachine(RuleBasedStateMachine):
 
     @rule(gap=st.integers(0, 40), queue=st.integers(1, 12))
     def configure(self, gap: int, queue: int) -> None:
-        self.rules = PairingRules(max_gap_ns=gap * MS, queue_size=queue, use_color=self.rules.use_color)
-        self.pairing.configure(self.rules)
+        self.bounds = PairingRules(max_gap_ns=gap * MS, queue_size=queue, use_color=self.bounds.use_color)
+        self.pairing.configure(self.bounds)
 
     @invariant()
     def every_message_ends_once_and_queues_are_bounded(self) -> None:
@@ -94,7 +94,7 @@ class PairingMachine(RuleBasedStateMachine):
             ends = count.paired + count.superseded + count.refused.total()
             assert count.received == self.sent[stream]
             assert ends + len(self.pairing._queues[stream]) == count.received
-            assert len(self.pairing._queues[stream]) <= self.rules.queue_size
+            assert len(self.pairing._queues[stream]) <= self.bounds.queue_size
 
     def teardown(self) -> None:
         """After whatever happened, an orderly stream is paired again at once."""
@@ -113,7 +113,7 @@ TestPairing.settings = settings(max_examples=100, stateful_step_count=40, deadli
 
 
 @pytest.mark.fuzz
-class TestPairingLong(PairingMachine.TestCase):  # type: ignore[misc, name-defined]
+class TestPairingLong(PairingMachine.TestCase):  # type: ignore[misc, valid-type]
     """2000 scripts, in `make fuzz`."""
 
     settings = settings(max_examples=2000, stateful_step_count=60, deadline=None)

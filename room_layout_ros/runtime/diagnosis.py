@@ -149,8 +149,9 @@ def _estimates_state(health: Health, before: Health, facts: NodeFacts) -> tuple[
         return Level.OK, f"{health.rate_hz:.1f} estimates per second, {health.latency_p50_ms:.0f} ms each"
     color, depth = health.streams.get(COLOR), health.streams.get(DEPTH)
     used = all(s not in facts.inputs or facts.inputs[s].wanted for s in (COLOR, DEPTH))
-    silence = min(health.silence_s, facts.listening_s)
-    if used and color and depth and color.rate_hz and depth.rate_hz and silence > facts.no_data_timeout_s:
+    limit = facts.no_data_timeout_s
+    arriving = used and color and depth and max(color.silence_s, depth.silence_s) < limit
+    if arriving and health.made == before.made and min(health.silence_s, facts.listening_s) > limit:
         return Level.ERROR, (
             f"colour and depth arrive but do not pair; their stamps must differ by at most max_stamp_gap = "
             f"{facts.max_stamp_gap_s * 1e3:.0f} ms"

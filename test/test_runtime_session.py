@@ -1,0 +1,305 @@
+"""The live session: newest frame wins, everything is accounted for, no exception ends it (F03, F13, F32, F40)."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from room_frames import CAMERA, room_frame
+
+from room_layout_ros.core.estimate import RoomEstimate, Status
+from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.core.layout import RoomCuboid
+from room_layout_ros.core.tracking import TemporalPrior
+from room_layout_ros.runtime.health import Health
+from room_layout_ros.runtime.pairing import COLOR, DEPTH, Pair, PairingRules
+from room_layout_ros.runtime.session import CAMERA as CAMERA_STREAM
+from room_layout_ros.runtime.session import EstimatorSession, RefusedError, SessionRules
+
+FRAME = room_frame(0)
+MS = 1_000_000
+T0 = 10**12
+
+
+def room(frame: RgbdFrame, status: Status = Status.OK) -> RoomEstimate:
+    """Return an estimate that says nothing but that there is one (or not)."""
+    empty = np.zeros((2, 2), np.uint8)
+    cuboid = RoomCuboid(np.eye(3), np.ones(5)) if status is Status.OK else None
+    return RoomEstimate(
+        status=status, layout=empty, labels=empty, furniture=empty, superpixels=empty.astype(np.int32),
+        R_room_camera=np.eye(3), axes_confidence=1.0, confidence=1.0, face_confidence=np.ones(5), cuboid=cuboid,
+        polygons=(), timings_ms={"axes": 2.0}, stamp_ns=frame.stamp_ns, frame_id=frame.frame_id,
+    )  # fmt: skip
+
+
+class Stages:
+    """Stages that a test can slow down, break, and look at."""
+
+    def __init__(self) -> None:
+        self.calls: list[str] = []
+        self.priors: list[TemporalPrior | None] = []
+        self.published: list[int] = []
+        self.complaints: Counter[str] = Counter()
+        self.broken: dict[str, Exception] = {}
+        self.status = Status.OK
+        self.frame_id = "camera"
+        self.gate = threading.Event()
+        self.gate.set()
+
+    def step(self, name: str) -> None:
+        self.calls.append(name)
+        if name in self.broken:
+            raise self.broken.pop(name)
+
+    def warm_up(self) -> None:
+        self.step("warm_up")
+
+    def assemble(self, pair: Pair[Any], camera: Any) -> RgbdFrame:
+        self.step("assemble")
+        return RgbdFrame(CAMERA, FRAME.color, FRAME.depth_m, pair.stamp_ns, self.frame_id)
+
+    def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None) -> RoomEstimate:
+        self.gate.wait(5.0)
+        self.step("estimate")
+        self.priors.append(prior)
+        return room(frame, self.status)
+
+    def publish(self, frame: RgbdFrame, estimate: RoomEstimate) -> None:
+        self.step("publish")
+        self.published.append(frame.stamp_ns)
+
+    def complain(self, cause: str, sentence: str) -> None:
+        self.complaints[cause] += 1
+
+    def now_ns(self) -> int:
+        return T0 + 50 * MS
+
+
+@pytest.fixture
+def stages() -> Stages:
+    return Stages()
+
+
+@pytest.fixture
+def session(stages: Stages) -> Iterator[EstimatorSession]:
+    session = EstimatorSession(stages, SessionRules(PairingRules()))
+    yield session
+    stages.gate.set()
+    assert session.close(5.0)
+
+
+def send(session: EstimatorSession, i: int) -> None:
+    for stream in (COLOR, DEPTH):
+        session.add_image(stream, T0 + i * 33 * MS, f"{stream} {i}")
+
+
+def settled(session: EstimatorSession) -> Health:
+    """Wait until no pair is in flight and check that the sums hold."""
+    wait_for(lambda: session.health().in_flight == 0)
+    health = session.health()
+    assert health.made == health.published + sum(health.no_estimate.values()) + sum(health.dropped.values())
+    for stream in health.streams.values():
+        ends = stream.paired + stream.superseded + sum(stream.refused.values()) + stream.waiting
+        assert stream.received == ends
+    assert health.streams[COLOR].paired == health.streams[DEPTH].paired == health.made
+    return health
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 5.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.002)
+
+
+def test_a_pair_is_published_with_its_latency(session: EstimatorSession, stages: Stages) -> None:
+    session.add_camera(0, "camera")
+    send(session, 0)
+    health = settled(session)
+    assert (health.made, health.published, stages.published) == (1, 1, [T0])
+    assert 0.0 <= health.latency_p50_ms < 5000.0
+    assert health.age_p50_ms == 50.0
+    assert health.stages_ms == {"axes": 2.0}
+
+
+def test_f03_without_a_camera_every_pair_is_dropped_for_that_reason(session: EstimatorSession, stages: Stages) -> None:
+    for i in range(3):
+        send(session, i)
+        settled(session)
+    assert settled(session).dropped == {"no camera_info": 3}
+    assert stages.complaints["no camera_info"] == 3
+    session.add_camera(0, "camera")
+    send(session, 3)
+    assert settled(session).published == 1
+
+
+def test_f13_the_newest_frame_wins_when_input_is_too_fast(session: EstimatorSession, stages: Stages) -> None:
+    session.add_camera(0, "camera")
+    stages.gate.clear()
+    send(session, 0)
+    wait_for(lambda: "assemble" in stages.calls)
+    for i in range(1, 1000):
+        send(session, i)
+    assert session.health().in_flight == 2
+    stages.gate.set()
+    health = settled(session)
+    assert stages.published == [T0, T0 + 999 * 33 * MS]
+    assert (health.made, health.published, health.dropped) == (1000, 2, {"newer frame": 998})
+
+
+@pytest.mark.parametrize("stage", ("assemble", "estimate", "publish"))
+@pytest.mark.parametrize(
+    "error", (RuntimeError("boom"), MemoryError(), KeyError("x"), ValueError("bad"), ZeroDivisionError())
+)
+def test_f40_an_exception_loses_its_frame_only(
+    session: EstimatorSession, stages: Stages, stage: str, error: Exception
+) -> None:
+    session.add_camera(0, "camera")
+    send(session, 0)
+    settled(session)
+    stages.broken[stage] = error
+    send(session, 1)
+    reason = "bad pair" if stage == "assemble" and isinstance(error, ValueError) else "error"
+    assert settled(session).dropped == {reason: 1}
+    assert stages.complaints[reason] == 1
+    send(session, 2)
+    assert settled(session).published == 2
+    assert stages.published[-1] == T0 + 66 * MS
+
+
+def test_f40_a_failed_warm_up_is_told_and_survived(stages: Stages) -> None:
+    stages.broken["warm_up"] = OSError("read-only cache")
+    session = EstimatorSession(stages)
+    wait_for(lambda: session.ready)
+    session.add_camera(0, "camera")
+    send(session, 0)
+    assert settled(session).published == 1
+    assert stages.complaints["warm-up"] == 1
+    assert session.close(5.0)
+
+
+@pytest.mark.parametrize("status", (Status.NO_DEPTH, Status.NO_ROOM, Status.DEADLINE))
+def test_an_estimate_without_a_room_is_counted_and_not_published(
+    session: EstimatorSession, stages: Stages, status: Status
+) -> None:
+    session.add_camera(0, "camera")
+    stages.status = status
+    send(session, 0)
+    health = settled(session)
+    assert (health.no_estimate, health.published, stages.published) == ({status.value: 1}, 0, [])
+
+
+def test_a_refused_pair_is_counted_under_its_reason(session: EstimatorSession, stages: Stages) -> None:
+    session.add_camera(0, "camera")
+    stages.broken["assemble"] = RefusedError("not registered", "sizes differ")
+    send(session, 0)
+    health = settled(session)
+    assert (health.dropped, health.last_drop) == ({"not registered": 1}, "sizes differ")
+
+
+def test_refused_messages_are_counted_and_do_not_pair(session: EstimatorSession) -> None:
+    session.refuse(COLOR, "bad image", "step 0")
+    session.refuse(CAMERA_STREAM, "uncalibrated", "zeros")
+    health = settled(session)
+    assert health.streams[COLOR].refused == {"bad image": 1}
+    assert health.streams[COLOR].last_refusal == "step 0"
+    assert health.streams[CAMERA_STREAM].refused == {"uncalibrated": 1}
+
+
+def test_the_prior_goes_from_frame_to_frame_and_a_jump_ends_it(session: EstimatorSession, stages: Stages) -> None:
+    session.add_camera(0, "camera")
+    for i in (0, 1, 2, -1000, -999):
+        send(session, i)
+        settled(session)
+    assert [prior is not None for prior in stages.priors] == [False, True, True, False, True]
+    assert session.health().resets == 1
+    assert stages.complaints["jump of the clock"] == 1
+
+
+def test_warm_start_off_means_no_prior_at_all(stages: Stages) -> None:
+    session = EstimatorSession(stages, SessionRules(warm_start=False))
+    session.add_camera(0, "camera")
+    for i in range(3):
+        send(session, i)
+        settled(session)
+    assert stages.priors == [None, None, None]
+    assert session.close(5.0)
+
+
+def test_f14_a_change_of_frame_id_ends_the_prior_and_is_told(session: EstimatorSession, stages: Stages) -> None:
+    session.add_camera(0, "camera")
+    send(session, 0)
+    settled(session)
+    stages.frame_id = "other"
+    send(session, 1)
+    settled(session)
+    assert stages.priors == [None, None]
+    assert stages.complaints["frame_id"] == 1
+
+
+def test_an_error_ends_the_prior(session: EstimatorSession, stages: Stages) -> None:
+    session.add_camera(0, "camera")
+    send(session, 0)
+    settled(session)
+    stages.broken["publish"] = RuntimeError("boom")
+    send(session, 1)
+    settled(session)
+    send(session, 2)
+    settled(session)
+    assert [prior is not None for prior in stages.priors] == [False, True, False]
+
+
+def test_reset_drops_what_waits_and_keeps_the_camera(session: EstimatorSession, stages: Stages) -> None:
+    session.add_camera(0, "camera")
+    stages.gate.clear()
+    send(session, 0)
+    wait_for(lambda: "assemble" in stages.calls)
+    send(session, 1)
+    session.add_image(COLOR, T0 + 99 * MS, "alone")
+    session.reset()
+    stages.gate.set()
+    assert settled(session).dropped == {"reset": 1}
+    send(session, 2)
+    assert settled(session).published == 2
+
+
+def test_lost_messages_are_counted_by_stream(session: EstimatorSession) -> None:
+    session.count_lost(DEPTH, 3)
+    session.count_lost(DEPTH, 2)
+    assert session.health().streams[DEPTH].lost == 5
+
+
+def test_close_waits_for_the_frame_in_hand_and_drops_the_next(stages: Stages) -> None:
+    session = EstimatorSession(stages)
+    session.add_camera(0, "camera")
+    stages.gate.clear()
+    send(session, 0)
+    wait_for(lambda: "assemble" in stages.calls)
+    send(session, 1)
+    assert not session.close(0.05)
+    stages.gate.set()
+    assert session.close(5.0)
+    send(session, 2)
+    assert settled(session).dropped == {"shutdown": 2}
+    assert not any(t.name == "estimator-worker" and t.is_alive() for t in threading.enumerate())
+
+
+def test_f41_messages_from_many_threads_are_all_accounted_for(session: EstimatorSession) -> None:
+    session.add_camera(0, "camera")
+
+    def send_each_fourth(first: int) -> None:
+        for i in range(first, 400, 4):
+            send(session, i)
+
+    threads = [threading.Thread(target=send_each_fourth, args=(k,)) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    health = settled(session)
+    assert health.streams[COLOR].received == health.streams[DEPTH].received == 400
