@@ -65,7 +65,7 @@ def _blank_lines(lines: NDArray[np.uint8]) -> int:
 
 @lru_cache(maxsize=1)
 def _lab_table() -> NDArray[np.int32]:
-    """Return Lab of the middle of each 4x4x4 cell of RGB, packed: L + 256 a + 65536 b, at 4096 (r/4) + 64 (g/4) + b/4."""
+    """Return Lab of the middle of each 4x4x4 cell of RGB: L + 256 a + 65536 b at 4096 (r/4) + 64 (g/4) + b/4."""
     level = np.arange(64, dtype=np.uint8) * 4 + 2
     cells = np.stack(np.meshgrid(level, level, level, indexing="ij"), axis=-1).reshape(1, -1, 3)
     lab = cv2.cvtColor(cells, cv2.COLOR_RGB2LAB).reshape(-1, 3).astype(np.int32)

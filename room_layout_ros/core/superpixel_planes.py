@@ -20,7 +20,7 @@ _ROW_STEP = 2
 
 
 @njit(cache=True, nogil=True)
-def fit_planes(lab, w, gradient, index, sums):  # type: ignore[no-untyped-def]
+def fit_planes(lab, w, gradient, index, sums, has_depth):  # type: ignore[no-untyped-def]
     """Return the planes (K, 3) float64 (a, b, c), w = a x + b y + c, and the rms (K,) float32 of their inliers.
 
     The least-squares plane of the sums, fitted once more (on every second row) without the residuals beyond 2.5
@@ -28,6 +28,8 @@ def fit_planes(lab, w, gradient, index, sums):  # type: ignore[no-untyped-def]
     """
     count = len(sums)
     plane, rms = np.full((count, 3), np.nan), np.full(count, np.nan, np.float32)
+    if not has_depth:
+        return plane, rms
     fits = np.zeros((count, N_CENTER), np.float32)
     for k in range(count):
         s = sums[k]

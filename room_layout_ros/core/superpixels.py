@@ -15,25 +15,28 @@ from .superpixel_merging import merge_superpixels
 from .superpixel_planes import fit_planes, inverse_depth_gradient
 from .superpixel_sums import accumulate, move_centers
 
-_ROW_STEPS = (4, 4, 2, 1)
+_ROW_STEPS: tuple[int, ...] = (4, 4, 1)
 """Every how many-th row is looked at, per iteration: the first ones only have to move the centres."""
 
-_ROW_STEPS_WARM = (4, 1)
+_ROW_STEPS_WARM: tuple[int, ...] = (4, 1)
 _COLOR_SCALE = 10.0
 """Difference in Lab that weighs as much as the grid's spacing at superpixel_lambda_color = 1."""
 
-_REACH = 2.0
+_REACH = 1.6
 """A centre is compared with the tiles up to so many grid spacings away."""
 
-_OVERSEGMENTATION = 3.0
-"""Superpixels before merging over the number wanted. Three times as many, merged by colour and plane, halve the
-errors that as many compact ones make: large walls need few, small things need their own."""
+_OVERSEGMENTATION = 2.0
+"""Superpixels before merging over the number wanted: large walls need few, small things need their own. ME of 40
+NYU frames: 5.6 % without merging, 3.9 % with 2 times as many, 3.7 % with 3 times (and 8 ms more)."""
 
 _MIN_SHARE = 0.05
 """Pieces below this share of the grid's cell join the neighbour of the longest border."""
 
 _MERGE_DEPTH = 0.3
+"""Weight of a plane's misfit beside that of colour, when superpixels are merged."""
+
 _MERGE_POWER = 1.5
+"""Of the area in the cost of merging: 1 is Ward's criterion, more keeps areas more even (ME 4.3 % at 1, 3.7 at 1.5)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +88,7 @@ def compute_superpixels(
     config : EstimatorConfig
         The fields `superpixel_*`.
     start : Superpixels, optional
-        Of the frame before (same size and settings): a warm start, with fewer iterations.
+        Of the frame before: a warm start, with fewer iterations. Not used if of other size or number.
 
     Raises
     ------
@@ -96,8 +99,9 @@ def compute_superpixels(
     height, width = images.size
     spacing = float(np.sqrt(height * width / (_OVERSEGMENTATION * config.superpixel_count)))
     index = np.zeros((height, width), np.int32)
-    if start is None or start.index.shape != index.shape:
-        centers, steps = _seed(images, index, spacing, config), _ROW_STEPS
+    grid = max(1, round(height / spacing)), max(1, round(width / spacing))
+    if start is None or start.index.shape != index.shape or len(start.centers) != grid[0] * grid[1]:
+        centers, steps = _seed(images, index, grid, config), _ROW_STEPS
     else:
         centers, steps = start.centers.copy(), _ROW_STEPS_WARM
     for step in steps:
@@ -108,7 +112,7 @@ def compute_superpixels(
     ids, sums = merge_superpixels(sums, edges, config.superpixel_count, *_merge_weights(config))
     merged = relabel(pieces, ids)
     edges, edge_length = regroup_edges(edges, edge_length, ids, len(sums))
-    plane, plane_rms = fit_planes(*images.planes, merged, sums)
+    plane, plane_rms = fit_planes(*images.planes, merged, sums, images.has[1])
     area = sums[:, :1]
     return Superpixels(
         index=merged,
@@ -152,9 +156,7 @@ def _checked_size(color: NDArray[np.uint8] | None, inverse_depth: NDArray[np.flo
     if color is not None and (color.ndim != 3 or color.shape[2] != 3 or color.dtype != np.uint8):
         raise ValueError(f"colour image is {color.dtype} {color.shape}; it must be uint8 (H, W, 3)")
     if inverse_depth is not None and (inverse_depth.ndim != 2 or inverse_depth.dtype != np.float32):
-        raise ValueError(
-            f"inverse depth is {inverse_depth.dtype} {inverse_depth.shape}; it must be float32 (H, W)"
-        )
+        raise ValueError(f"inverse depth is {inverse_depth.dtype} {inverse_depth.shape}; it must be float32 (H, W)")
     if color is not None and inverse_depth is not None and color.shape[:2] != inverse_depth.shape:
         raise ValueError(f"colour image is {color.shape[:2]} and inverse depth {inverse_depth.shape}; they must agree")
     image = color if color is not None else inverse_depth
@@ -162,10 +164,12 @@ def _checked_size(color: NDArray[np.uint8] | None, inverse_depth: NDArray[np.flo
     return image.shape[0], image.shape[1]
 
 
-def _seed(images: _Images, index: NDArray[np.int32], spacing: float, config: EstimatorConfig) -> NDArray[np.float32]:
+def _seed(
+    images: _Images, index: NDArray[np.int32], grid: tuple[int, int], config: EstimatorConfig
+) -> NDArray[np.float32]:
     """Return centres on a regular grid, with the means and planes of their cells."""
     height, width = images.size
-    down, across = max(1, round(height / spacing)), max(1, round(width / spacing))
+    down, across = grid
     row = np.arange(height, dtype=np.int32) * down // height
     column = np.arange(width, dtype=np.int32) * across // width
     np.add(row[:, None] * across, column, out=index)

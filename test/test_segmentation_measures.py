@@ -1,0 +1,65 @@
+"""ME, covering and variation of information against their definitions and hand-counted cases."""
+
+from __future__ import annotations
+
+import re
+
+import naive_superpixels as naive
+import numpy as np
+import pytest
+
+from room_layout_ros.evaluation.segmentation import segmentation_scores
+
+
+def test_a_perfect_segmentation_has_no_error(rng: np.random.Generator) -> None:
+    truth = rng.integers(1, 6, (20, 30))
+    scores = segmentation_scores(truth, truth)
+    assert scores.mean_error == 0
+    assert scores.covering == scores.covering_raw == 1
+    assert scores.variation_of_information == pytest.approx(0, abs=1e-12)
+
+
+def test_hand_counted_case() -> None:
+    truth = np.array([[1, 1, 1, 2], [1, 1, 1, 2]])
+    segments = np.array([[0, 0, 1, 1], [0, 0, 1, 1]])  # the second segment ties; its majority is class 1
+    scores = segmentation_scores(segments, truth)
+    assert scores.mean_error == pytest.approx(2 / 8)
+    assert scores.covering == pytest.approx((6 * 6 / 8 + 2 * 2 / 8) / 8)  # the oracle says 1 everywhere
+    assert scores.variation_of_information == pytest.approx(-(0.75 * np.log(0.75) + 0.25 * np.log(0.25)))
+    assert scores.covering_raw == pytest.approx((6 * 4 / 6 + 2 * 2 / 4) / 8)
+
+
+def test_splitting_a_segment_costs_the_raw_measures_but_not_the_oracle() -> None:
+    truth = np.repeat([1, 2], 50).reshape(10, 10)
+    scores = segmentation_scores(np.arange(100).reshape(10, 10), truth)
+    assert (scores.mean_error, scores.covering) == (0, 1)
+    assert scores.variation_of_information == pytest.approx(0, abs=1e-12)
+    assert scores.covering_raw == pytest.approx(1 / 50)
+    assert scores.variation_of_information_raw == pytest.approx(np.log(50))
+
+
+def test_measures_equal_their_naive_twins_and_ignore_unlabelled_pixels(rng: np.random.Generator) -> None:
+    truth, segments = rng.integers(0, 5, (24, 24)), rng.integers(0, 9, (24, 24))
+    scores = segmentation_scores(segments, truth)
+    known = truth > 0
+    t, s = truth[known], segments[known]
+    majority = np.array([np.bincount(t[s == k]).argmax() for k in range(9)])
+    assert scores.pixels == known.sum()
+    assert scores.mean_error == pytest.approx((majority[s] != t).mean())
+    for found, labels in ((scores.covering, majority[s]), (scores.covering_raw, s)):
+        assert found == pytest.approx(naive.covering(labels, t))
+    for found, labels in ((scores.variation_of_information, majority[s]), (scores.variation_of_information_raw, s)):
+        assert found == pytest.approx(naive.variation_of_information(labels, t))
+
+
+@pytest.mark.parametrize(
+    ("segments", "truth", "sentence"),
+    [
+        (np.zeros((2, 2), int), np.ones((2, 3), int), "segments are (2, 2) and labels (2, 3)"),
+        (np.full((2, 2), -1), np.ones((2, 2), int), "smallest id is -1"),
+        (np.zeros((2, 2), int), np.zeros((2, 2), int), "no pixel is labelled"),
+    ],
+)
+def test_unusable_input_is_refused_in_a_sentence(segments: np.ndarray, truth: np.ndarray, sentence: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(sentence)):
+        segmentation_scores(segments, truth)
