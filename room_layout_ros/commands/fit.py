@@ -64,4 +64,5 @@ def run(arguments: argparse.Namespace) -> int:
 def _summary(source: FrameSource, lines: list[dict[str, object]], out: Path) -> str:
     good = sum(bool(line["accepted"]) for line in lines)
     none = sum("error" in line for line in lines)
-    return f"{source.title}: {len(lines)} frames, {good} fits accepted, {len(lines) - good - none} rejected, {none} without a fit; in {out}"
+    counts = f"{good} fits accepted, {len(lines) - good - none} rejected, {none} without a fit"
+    return f"{source.title}: {len(lines)} frames, {counts}; in {out}"

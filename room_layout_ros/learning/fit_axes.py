@@ -37,6 +37,7 @@ def support(seen: FitObservation, R: NDArray[np.float64], sigma: float = 0.06) -
 
 def refine_axes(seen: FitObservation, R: NDArray[np.float64], iterations: int = 6) -> NDArray[np.float64]:
     """Turn the axes to the weighted least squares of cell normals and lines, both robust (Gauss-Newton on SO(3))."""
+    R = np.asarray(R, np.float64)
     cells, weights, allowed = _cell_terms(seen)
     for step in range(iterations):
         sigma_cell, sigma_line = (0.15, 0.04) if step < 2 else (0.06, 0.012)
@@ -58,7 +59,7 @@ def refine_axes(seen: FitObservation, R: NDArray[np.float64], iterations: int = 
             J = np.cross(R[k], seen.line_normal[mine])  # d(m . a)/d omega, a -> a + omega x a
             A += (J * robust[:, None]).T @ J
             b -= J.T @ (robust * residual)
-        R = R @ _exponential(np.linalg.solve(A, b)).T
+        R = R @ rotation_from_vector(np.linalg.solve(A, b)).T
     return _nearest_rotation(R)
 
 
@@ -127,10 +128,12 @@ def _yaws(seen: FitObservation, down: NDArray[np.float64]) -> list[float]:
     across, ahead = _level_basis(down)
     normal = seen.cell_normal
     level = np.abs(normal @ down) < 0.35
-    strength = seen.cell_weight * np.select([seen.cell_kind == WALL, seen.cell_kind == CLUTTER], [1.0, 0.25], 0.0) * level
+    trust = np.select([seen.cell_kind == WALL, seen.cell_kind == CLUTTER], [1.0, 0.25], 0.0)
+    strength = seen.cell_weight * trust * level
     direction = np.cross(seen.line_normal, down)  # a line in a level plane has this direction
     length = np.linalg.norm(direction, axis=1)
-    angle = np.concatenate([np.arctan2(normal @ across, normal @ ahead), np.arctan2(direction @ across, direction @ ahead)])
+    both = np.concatenate([normal, direction])
+    angle = np.arctan2(both @ across, both @ ahead)
     upright = np.abs(seen.line_normal @ down) < 0.05
     weight = np.concatenate([strength, np.where(upright | (length < 0.2), 0.0, 0.01 * seen.line_length)])
     bins = 180
@@ -165,7 +168,7 @@ def _angle(R: NDArray[np.float64], other: NDArray[np.float64]) -> float:
     return float(np.arccos(np.clip((np.trace(R @ other.T) - 1.0) / 2.0, -1.0, 1.0)))
 
 
-def _exponential(omega: NDArray[np.float64]) -> NDArray[np.float64]:
+def rotation_from_vector(omega: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation matrix of a rotation vector (Rodrigues)."""
     angle = float(np.linalg.norm(omega))
     x, y, z = omega

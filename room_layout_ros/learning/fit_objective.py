@@ -57,7 +57,8 @@ def fit_cost(
     inverse_normals = FACE_SIGN[:, None] * R[FACE_AXIS] / distances[:, None]
     mean = _mean_cost(
         seen.rays, seen.inverse_depth, seen.kind, inverse_normals, distances, stride,
-        costs.wrong_class, costs.clutter_beyond, costs.clutter_apart, costs.fitted_apart, costs.open, costs.unlabelled, costs.opening_beyond,
+        costs.wrong_class, costs.clutter_beyond, costs.clutter_apart, costs.fitted_apart, costs.open,
+        costs.unlabelled, costs.opening_beyond,
         costs.tolerance_m, costs.tolerance_per_m,
     )  # fmt: skip
     prior = 0.0
@@ -67,10 +68,11 @@ def fit_cost(
 
 
 @njit(cache=True, nogil=True)
-def _mean_cost(
+def _mean_cost(  # type: ignore[no-untyped-def]
     rays, inverse_depth, kind, m, distances, stride,
-    wrong_class, clutter_beyond, clutter_apart, fitted_apart, open_cost, unlabelled, opening_beyond, tolerance, per_metre,
-):  # type: ignore[no-untyped-def]  # fmt: skip
+    wrong_class, clutter_beyond, clutter_apart, fitted_apart, open_cost,
+    unlabelled, opening_beyond, tolerance, per_metre,
+):  # fmt: skip
     total, used = 0.0, 0
     for i in range(0, rays.shape[0], stride):
         best, face = 1e-3, -1  # a face more than a kilometre away is no face

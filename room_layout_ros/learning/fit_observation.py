@@ -59,8 +59,9 @@ def observe(frame: RgbdFrame, labels40: NDArray[np.uint8], step_px: int = 4) -> 
     if frame.depth_m is None:
         raise ValueError(f"frame {frame.name!r} has no depth; the layout fit needs it")
     if labels40.shape != frame.depth_m.shape or labels40.dtype != np.uint8:
+        size = frame.depth_m.shape
         raise ValueError(
-            f"labels are {labels40.dtype} {labels40.shape}; they must be uint8 and of the frame's size {frame.depth_m.shape}"
+            f"labels are {labels40.dtype} {labels40.shape}; they must be uint8 and of the frame's size {size}"
         )
     kind = classes(labels40)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -110,7 +111,7 @@ def _cells(
         q = mask.astype(np.float64)
         qx, qy, qw = q * x, q * y, q * w
         terms = (q, qx, qy, qw, qx * x, qx * y, qy * y, qx * w, qy * w, qw * w)
-        s = [cv2.boxFilter(t, -1, (_CELL_PX, _CELL_PX), normalize=False, borderType=cv2.BORDER_CONSTANT)[at] for t in terms]
+        s = [_window_sums(t)[at] for t in terms]
         n = np.maximum(s[0], 1.0)
         mx, my, mw = s[1] / n, s[2] / n, s[3] / n
         xx, xy, yy = s[4] / n - mx * mx, s[5] / n - mx * my, s[6] / n - my * my
@@ -135,6 +136,11 @@ def _cells(
     return np.concatenate(normals), np.concatenate(kinds), np.concatenate(weights)
 
 
+def _window_sums(image: NDArray[np.float64]) -> NDArray[np.float64]:
+    size = (_CELL_PX, _CELL_PX)
+    return np.asarray(cv2.boxFilter(image, -1, size, normalize=False, borderType=cv2.BORDER_CONSTANT))
+
+
 def _lines(frame: RgbdFrame) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     if frame.color is None:
         return np.zeros((0, 3)), np.zeros(0)
@@ -151,7 +157,9 @@ def _lines(frame: RgbdFrame) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return normal / np.linalg.norm(normal, axis=1, keepdims=True), length
 
 
-def _away_from_border(segments: NDArray[np.float64], camera: CameraIntrinsics, margin_px: float = 14.0) -> NDArray[np.bool_]:
+def _away_from_border(
+    segments: NDArray[np.float64], camera: CameraIntrinsics, margin_px: float = 14.0
+) -> NDArray[np.bool_]:
     """True where a segment is not the edge of the white frame around NYU images."""
     x, y = segments[:, [0, 2]], segments[:, [1, 3]]
     edge = [(x < margin_px), (x > camera.width - 1 - margin_px), (y < margin_px), (y > camera.height - 1 - margin_px)]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core import RgbdFrame, RoomCuboid
 from ..core.layout import FACE_AXIS, FACE_SIGN
-from .fit_axes import _exponential, axis_hypotheses
+from .fit_axes import axis_hypotheses, rotation_from_vector
 from .fit_objective import FitCosts, fit_cost
 from .fit_observation import CEILING, CLUTTER, FITTED, FLOOR, OPENING, WALL, FitObservation, observe
 
@@ -144,7 +144,7 @@ def _refine(
             for k, sign in itertools.product(range(8), (-1.0, 1.0)):
                 trial_R, trial = R, distances
                 if k < 3:
-                    trial_R = R @ _exponential(sign * turn * np.eye(3)[k])
+                    trial_R = R @ rotation_from_vector(sign * turn * np.eye(3)[k])
                 elif np.isfinite(distances[k - 3]):
                     trial = distances.copy()
                     trial[k - 3] = max(trial[k - 3] + sign * shift, _MIN_DISTANCE_M)
