@@ -2,7 +2,8 @@
 
 A cell's normal is good to some degrees, a whole wall's to a tenth: cells that agree with an axis are grown into
 connected planes, their summed moments give one least-squares plane each, and the rotation that fits these planes'
-normals best (robustly, weighted by their precision) follows by Gauss-Newton. Repeated, as better axes grow better planes.
+normals best (robustly, weighted by their precision) follows by Gauss-Newton. Repeated, as better axes grow better
+planes.
 
 Where there is colour, line segments help: the plane through the camera and a segment along an axis contains that axis.
 They carry the precision that a coarse depth image lacks (docs/results.md has the ablation).
@@ -101,7 +102,8 @@ def _plane_normals(moments, plane, n_planes, R, min_cells):  # type: ignore[no-u
                 best = cosine
                 axes[count] = k
         sign = 1.0 if best >= 0 else -1.0
-        normals[count, 0], normals[count, 1], normals[count, 2] = sign * a / length, sign * b / length, sign * c / length
+        normals[count, 0], normals[count, 1] = sign * a / length, sign * b / length
+        normals[count, 2] = sign * c / length
         # Neighbouring errors go together: a cell counts as one measurement, not its 100 pixels.
         sigma_w = depth_sigma(1.0 / mw, NOISE_FLOOR_M, NOISE_QUADRATIC) * mw * mw
         spread = sigma_w * np.sqrt((cxx + cyy) / det / cells[p]) / length
@@ -112,7 +114,7 @@ def _plane_normals(moments, plane, n_planes, R, min_cells):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True)
 def _turn(normals, axes, weights, line_normals, line_weights, R):  # type: ignore[no-untyped-def]
-    """Small robust rotation of the rows of R onto normals of their axes and into planes of lines (Gauss-Newton, Cauchy)."""
+    """Small robust rotation of R's rows onto normals of their axes and into planes of lines (Gauss-Newton, Cauchy)."""
     for _ in range(10):
         A = np.zeros((3, 3))
         g = np.zeros(3)

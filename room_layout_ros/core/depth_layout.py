@@ -68,7 +68,8 @@ def gather_evidence(
     camera = geometry.camera
     px = np.arange(cols) * CELL_PX + (CELL_PX - 1) / 2
     py = np.arange(rows) * CELL_PX + (CELL_PX - 1) / 2
-    rays = np.stack(np.broadcast_arrays((px - camera.cx)[None, :] / camera.fx, (py - camera.cy)[:, None] / camera.fy, 1.0), -1)
+    x, y = (px - camera.cx)[None, :] / camera.fx, (py - camera.cy)[:, None] / camera.fy
+    rays = np.stack(np.broadcast_arrays(x, y, 1.0), -1)
     n = moments[..., 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.where(n >= CELL_PX * CELL_PX * 0.3, n / moments[..., 3], np.nan)
@@ -114,19 +115,29 @@ def search_layout(
 
 
 def score_face(
-    evidence: LayoutEvidence, distances: NDArray[np.float64], face: int, trials: NDArray[np.float64], violation_weight: float
+    evidence: LayoutEvidence,
+    distances: NDArray[np.float64],
+    face: int,
+    trials: NDArray[np.float64],
+    violation_weight: float,
 ) -> NDArray[np.float64]:
     """Score of the cuboid for each trial distance (t,) of one face (0..4), the others held: mean over cells."""
     e = evidence
     return np.asarray(
-        _score_face(e.rays, e.points, e.agreement, e.structure, e.sigma, 1.0 / distances, face, trials, violation_weight)
+        _score_face(
+            e.rays, e.points, e.agreement, e.structure, e.sigma, 1.0 / distances, face, trials, violation_weight
+        )
     )
 
 
 def _drop_slivers(
-    evidence: LayoutEvidence, R: NDArray[np.float64], distances: NDArray[np.float64], score: float, violation_weight: float
+    evidence: LayoutEvidence,
+    R: NDArray[np.float64],
+    distances: NDArray[np.float64],
+    score: float,
+    violation_weight: float,
 ) -> ScoredLayout:
-    """Declare slivers absent that nothing supports and nothing needs: a guess at the edge of the data is no observation."""
+    """Declare slivers absent that nothing supports or needs: a guess at the edge of the data is no observation."""
     support, violation, area = _balance(evidence, distances)
     for face in np.flatnonzero((support < _MIN_SUPPORT) & (area < _SLIVER)):
         if face == FRONT_WALL - 1:
@@ -176,7 +187,8 @@ def _histogram_peaks(offset: NDArray[np.float64], weight: NDArray[np.float64]) -
     index = np.flatnonzero(peak) + 1
     index = index[np.argsort(-smooth[index])][:_CANDIDATES]
     total = histogram[index - 1] + histogram[index] + histogram[index + 1]
-    centre = (histogram[index - 1] * (index - 1) + histogram[index] * index + histogram[index + 1] * (index + 1)) / np.maximum(total, 1e-9)
+    moment = histogram[index - 1] * (index - 1) + histogram[index] * index + histogram[index + 1] * (index + 1)
+    centre = moment / np.maximum(total, 1e-9)
     return np.asarray((centre + 0.5) * width)
 
 

@@ -15,8 +15,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .axes_refinement import refine_on_planes
+from .config import EstimatorConfig
 from .depth import DepthGeometry, fit_cell_planes
+from .frame import CameraIntrinsics
 from .lines import LineSegments, segment_planes
+from .tracking import TemporalPrior
+from .vanishing_points import estimate_axes_from_lines
 
 _KERNEL_RAD = np.deg2rad(5.0)
 _MIN_NORMALS = 12
@@ -43,6 +47,29 @@ class ManhattanFrame:
     R_room_camera: NDArray[np.float64]
     confidence: float
     hypotheses: tuple[NDArray[np.float64], ...]
+
+
+def find_axes(
+    geometry: DepthGeometry | None,
+    segments: LineSegments | None,
+    camera: CameraIntrinsics,
+    config: EstimatorConfig,
+    prior: TemporalPrior,
+) -> ManhattanFrame | None:
+    """Estimate the room's axes from whatever there is: depth and lines, depth alone, or lines alone.
+
+    Returns
+    -------
+    ManhattanFrame or None
+        None where there is too little to see.
+    """
+    if geometry is not None:
+        return estimate_manhattan_frame(geometry, segments, prior.R_room_camera, prior.gravity)
+    if segments is None or len(segments) == 0:
+        return None
+    found = estimate_axes_from_lines(segments, camera, config, prior.gravity)
+    named = [turned for R in found.hypotheses for turned in (R, other_front(R))]
+    return ManhattanFrame(found.R_room_camera, found.confidence, tuple(named))
 
 
 def estimate_manhattan_frame(
@@ -190,7 +217,7 @@ def _azimuths(normals: NDArray[np.float64], weight: NDArray[np.float64], basis: 
     azimuth = np.rad2deg(np.arctan2(local[across, 1], local[across, 0])) % 90.0
     histogram = np.bincount((azimuth / 2.0).astype(int) % 45, weight[across], 45)
     smooth = histogram + 0.7 * (np.roll(histogram, 1) + np.roll(histogram, -1))
-    peaks = []
+    peaks: list[float] = []
     for _ in range(2):
         k = int(np.argmax(smooth))
         if peaks and smooth[k] <= 0.02:

@@ -22,8 +22,9 @@ KINDS = 4
 """Kinds of a cell: ceiling, floor, wall, clutter."""
 
 _COSTS = np.array([1.5, 0.8, 0.12, 0.004, 0.10, 0.025, 0.7])
-"""Wrong kind of face (also: no face), clutter beyond, clutter apart per metre (to 1 m), each face in use, tolerance in m and per
-metre, factor for wall beyond (windows, doors and mirrors show what is behind). Unit: a wall cell that is off its plane."""
+"""Wrong kind of face (also: no face), clutter beyond, clutter apart per metre (to 1 m), each face in use, tolerance
+in m and per metre, factor for wall beyond (windows, doors and mirrors show what is behind). Unit: a wall cell
+that is off its plane."""
 
 _COARSE = 7
 _SWEEPS = 3
@@ -75,7 +76,8 @@ def room_cells(geometry: DepthGeometry, probability: NDArray[np.float64], superp
     w = np.where(count >= 0.3 * CELL_PX**2, moments[..., 3] / np.maximum(count, 1.0), 0.0)
     x = np.arange(cols) * CELL_PX + (CELL_PX - 1) / 2
     y = np.arange(rows) * CELL_PX + (CELL_PX - 1) / 2
-    rays = np.stack(np.broadcast_arrays(((x - camera.cx) / camera.fx)[None, :], ((y - camera.cy) / camera.fy)[:, None], 1.0), -1)
+    right, down = ((x - camera.cx) / camera.fx)[None, :], ((y - camera.cy) / camera.fy)[:, None]
+    rays = np.stack(np.broadcast_arrays(right, down, 1.0), -1)
     kinds = np.column_stack([probability[:, 0], probability[:, 1], probability[:, 2:5].sum(axis=1), probability[:, 5]])
     return RoomCells(rays.reshape(-1, 3), w.ravel(), _cell_means(superpixels, kinds, rows, cols, CELL_PX))
 
