@@ -16,7 +16,7 @@ REQUIRES = ["numpy>=1.26", "numba>=0.58", "scipy>=1.11", "opencv-python-headless
 EXTRAS = {
     # Exactly these: an unpinned ros-rclpy is another ROS distribution, and rclpy without fastrtps has no transport.
     "ros": ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
-    "playback": ["rosbags>=0.10", "tqdm>=4.66"],
+    "playback": ["rosbags>=0.11", "tqdm>=4.66"],
     "datasets": ["h5py>=3.10"],
     "train": ["scikit-learn>=1.4", "joblib>=1.3", "dask[distributed]>=2024.1", "tqdm>=4.66"],
     "viz": ["matplotlib>=3.6", "pillow>=10", "rerun-sdk>=0.22", "tqdm>=4.66"],
