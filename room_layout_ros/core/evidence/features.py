@@ -18,6 +18,8 @@ from .room_extents import BEYOND_STEP_M, RoomExtents, azimuth_bin, compute_room_
 Columns = dict[str, NDArray[np.floating]]
 
 _BEHIND_MARGIN_M = 0.25
+_ALIKE_COLOR = 12.0
+"""Difference in 8-bit Lab at which two colours are half as much alike."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +133,21 @@ def _appearance(superpixels: Superpixels, sums: NDArray[np.float64]) -> Columns:
         "fine": fine,
         "frame_gradient": np.full(len(n), (gx + gy)[some].mean() if some.any() else np.nan),
         **_contrast(superpixels, mean),
+        **_alike(superpixels, mean),
     }
+
+
+def _alike(superpixels: Superpixels, mean: NDArray[np.float64]) -> Columns:
+    """How much of the image has this colour, and where: walls and floors come in several pieces."""
+    area = superpixels.pixels / float(superpixels.pixels.sum())
+    difference = mean[:, None, :] - mean[None, :, :]
+    kernel = np.exp((difference * difference).sum(axis=2) * (-0.5 / _ALIKE_COLOR**2)) * area
+    share = np.nansum(kernel, axis=1)
+    known = np.isfinite(mean[:, 0])
+    height = superpixels.center_px[:, 1] / np.float64(superpixels.index.shape[0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        level = np.nansum(kernel * height, axis=1) / share
+    return {"alike": np.where(known, share, np.nan), "alike_y": np.where(known, level, np.nan)}
 
 
 def _contrast(superpixels: Superpixels, mean: NDArray[np.float64]) -> Columns:

@@ -1,0 +1,191 @@
+"""Training of the geometric context classifier, with honest (out-of-fold) probabilities (docs/evidence.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.config import EstimatorConfig
+from ..core.evidence.features import SuperpixelFeatures
+from ..core.evidence.geometric_context import ContextModel, compute_geometric_context, save_context
+from ..core.forest import Forest
+from ..core.labels import N_FACES, N_LABELS
+from ..core.layout import RoomCuboid
+from ..datasets.folder import FramesFolder
+from ..datasets.sample import good_samples
+from .context_table import ContextTable, collect_table
+
+
+@dataclass(frozen=True, slots=True)
+class ContextSettings:
+    """How the forests are grown; found by cross-validation (docs/evidence.md has the table)."""
+
+    trees: int = 150
+    learning_rate: float = 0.1
+    leaves: int = 24
+    face_trees: int = 40
+    face_leaves: int = 12
+    seed: int = 0
+
+
+def train_context(
+    source: FramesFolder,
+    rooms: Mapping[str, RoomCuboid],
+    out: Path,
+    config: EstimatorConfig,
+    held_out: tuple[int, ...] = (),
+    margin: int = 5,
+    settings: ContextSettings | None = None,
+    cache: Path | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> ContextModel:
+    """Train on a folder of labelled frames and write the model.
+
+    Parameters
+    ----------
+    source : frames with NYU40 labels.
+    rooms : fitted rooms by frame name (`room-layout fit`), for the names of walls.
+    out : file to write (.npz).
+    config : `use_depth` False trains the RGB variant.
+    held_out : numbers of frames to keep out, with all frames within `margin` of them.
+    cache : file for the table of features, reused when it exists.
+    """
+    settings = settings or ContextSettings()
+    if cache is not None and cache.exists():
+        table = ContextTable.load(cache)
+    else:
+        names = tuple(name for name in source.names if not _near(name, held_out, margin))
+        progress(f"features of {len(names)} frames")
+        table = collect_table(good_samples(source.subset(names)), rooms, config)
+        if cache is not None:
+            table.save(cache)
+    progress(f"growing trees on {len(table.frame)} superpixels")
+    model = grow(table, np.ones(len(table.frame), bool), settings)
+    card: dict[str, Any] = {
+        "frames": len(np.unique(table.frame)),
+        "superpixels": len(table.frame),
+        "source": source.path.name,
+        "held_out": [int(n) for n in held_out],
+        "margin": margin,
+        "depth": config.use_depth,
+        "settings": {name: getattr(settings, name) for name in settings.__slots__},
+    }
+    model = ContextModel(model.names, model.structure, model.face, card)
+    save_context(model, out)
+    return model
+
+
+def _near(name: str, held_out: tuple[int, ...], margin: int) -> bool:
+    return name.isdigit() and any(abs(int(name) - n) <= margin for n in held_out)
+
+
+def grow(table: ContextTable, rows: NDArray[np.bool_], settings: ContextSettings) -> ContextModel:
+    """Grow both forests on the rows given.
+
+    A superpixel weighs as much as it has labelled pixels, and less the more mixed it is.
+    """
+    from sklearn.ensemble import HistGradientBoostingClassifier
+
+    pixels = np.maximum(table.pixels, 1.0)
+    share = table.structure / pixels
+    weight = table.pixels / 1500.0 * np.abs(2.0 * share - 1.0)
+    use = rows & (weight > 0.05)
+    common: dict[str, Any] = {"max_features": 0.4, "early_stopping": False, "random_state": settings.seed}
+    structure = HistGradientBoostingClassifier(
+        max_iter=settings.trees,
+        learning_rate=settings.learning_rate,
+        max_leaf_nodes=settings.leaves,
+        min_samples_leaf=60,
+        l2_regularization=2.0,
+        max_bins=127,
+        **common,
+    ).fit(table.features[use], share[use] > 0.5, sample_weight=weight[use])
+    named = use & (share > 0.5) & (table.labels[:, 1 : N_FACES + 1].sum(axis=1) > 0.5 * table.structure)
+    face = HistGradientBoostingClassifier(
+        max_iter=settings.face_trees,
+        learning_rate=0.2,
+        max_leaf_nodes=settings.face_leaves,
+        min_samples_leaf=40,
+        l2_regularization=1.0,
+        max_bins=63,
+        **common,
+    ).fit(
+        table.features[named],
+        table.labels[named, 1 : N_FACES + 1].argmax(axis=1),
+        sample_weight=weight[named],
+    )
+    return ContextModel(table.names, export_forest(structure, 1), export_forest(face, N_FACES))
+
+
+def export_forest(classifier: Any, outputs: int) -> Forest:
+    """Turn a fitted scikit-learn HistGradientBoostingClassifier into plain arrays with the same scores.
+
+    Thresholds are rounded down to float32: for float32 rows, x <= threshold then has the same answer.
+
+    Raises
+    ------
+    ValueError
+        When it has another number of outputs (a class may be missing from the training rows).
+    """
+    baseline = np.ravel(classifier._baseline_prediction).astype(np.float32)
+    if len(baseline) != outputs:
+        raise ValueError(f"the classifier has {len(baseline)} outputs; {outputs} are needed (is a class missing?)")
+    trees = [(k, p.nodes) for iteration in classifier._predictors for k, p in enumerate(iteration)]
+    nodes = np.concatenate([tree for _, tree in trees])
+    leaf = nodes["is_leaf"].astype(bool)
+    exact = nodes["num_threshold"]
+    with np.errstate(over="ignore"):
+        threshold = exact.astype(np.float32)
+    threshold = np.where(threshold.astype(np.float64) > exact, np.nextafter(threshold, np.float32(-np.inf)), threshold)
+    threshold = np.clip(threshold, np.finfo(np.float32).min, np.finfo(np.float32).max)
+    return Forest(
+        feature=np.where(leaf, -1, nodes["feature_idx"]).astype(np.int16),
+        threshold=np.where(leaf, nodes["value"], threshold).astype(np.float32),
+        missing_left=nodes["missing_go_to_left"].astype(bool),
+        left=nodes["left"].astype(np.int16),
+        right=nodes["right"].astype(np.int16),
+        root=np.cumsum([0] + [len(tree) for _, tree in trees[:-1]]).astype(np.int32),
+        output=np.array([k for k, _ in trees], np.int16),
+        baseline=baseline,
+    )
+
+
+def block_folds(
+    frame: NDArray[np.int64], folds: int, margin: int
+) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
+    """Yield (train, validate) row masks: contiguous blocks of frame numbers, `margin` numbers apart."""
+    for block in np.array_split(np.unique(frame), folds):
+        validate = (frame >= block[0]) & (frame <= block[-1])
+        yield (frame < block[0] - margin) | (frame > block[-1] + margin), validate
+
+
+def out_of_fold(
+    table: ContextTable, settings: ContextSettings | None = None, folds: int = 4, margin: int = 5
+) -> NDArray[np.float64]:
+    """(n, 6) probabilities of each row from forests that have not seen its frame or a neighbour of it."""
+    probability = np.full((len(table.frame), N_LABELS), np.nan)
+    for train, validate in block_folds(table.frame, folds, margin):
+        model = grow(table, train, settings or ContextSettings())
+        rows = SuperpixelFeatures(np.ascontiguousarray(table.features[validate]), table.names)
+        probability[validate] = compute_geometric_context(rows, model)
+    return probability
+
+
+def structure_error(table: ContextTable, probability: NDArray[np.float64], rows: NDArray[np.bool_]) -> float:
+    """Share of labelled pixels on the wrong side of structure against clutter."""
+    clutter = probability[rows].argmax(axis=1) == N_LABELS - 1
+    pixels, structure = table.pixels[rows], table.structure[rows]
+    return float(np.where(clutter, structure, pixels - structure).sum() / max(pixels.sum(), 1.0))
+
+
+def label_error(table: ContextTable, probability: NDArray[np.float64], rows: NDArray[np.bool_]) -> float:
+    """Share of labelled pixels with a wrong label, walls by their names in the axes of the features."""
+    known = rows & (table.labels[:, 1:].sum(axis=1) > 0)
+    chosen = probability[known].argmax(axis=1) + 1
+    labels = table.labels[known]
+    return float(1.0 - labels[np.arange(len(labels)), chosen].sum() / labels[:, 1:].sum())

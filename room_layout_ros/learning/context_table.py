@@ -1,0 +1,145 @@
+"""The training table of the geometric context: features and true labels of the superpixels of many frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.config import EstimatorConfig
+from ..core.depth import compute_depth_geometry
+from ..core.evidence.features import SuperpixelFeatures, compute_superpixel_features
+from ..core.evidence.orientation_map import compute_orientation_map
+from ..core.frame import RgbdFrame
+from ..core.labels import STRUCTURE_NYU40 as STRUCTURE
+from ..core.layout import RoomCuboid
+from ..core.lines import LineSegments, classify_segments, compute_line_segments
+from ..core.manhattan import estimate_manhattan_frame
+from ..core.superpixels import Superpixels, compute_superpixels
+from ..core.vanishing_points import estimate_axes_from_lines
+from ..datasets.sample import Sample
+from .degradation import degrade_depth
+from .superpixel_truth import class_histogram, label_histogram, true_labels
+
+
+@dataclass(frozen=True, slots=True)
+class ContextTable:
+    """Rows are superpixels.
+
+    Attributes
+    ----------
+    features : (n, F) float32 and names. labels : (n, 7) float32 pixels per label id; walls (3..5) only where the
+        room of the frame is known, otherwise structure stands under 0. structure : (n,) float32 structural pixels.
+    classes : (n, 41) float32 pixels per NYU40 id. frame : (n,) int64 number of the frame (blocks and margins
+        of cross-validation are in it). variant : (n,) int8, 0 as recorded, 1.. degraded.
+    """
+
+    features: NDArray[np.float32]
+    names: tuple[str, ...]
+    labels: NDArray[np.float32]
+    structure: NDArray[np.float32]
+    classes: NDArray[np.float32]
+    frame: NDArray[np.int64]
+    variant: NDArray[np.int8]
+
+    @property
+    def pixels(self) -> NDArray[np.float32]:
+        """(n,) labelled pixels of each superpixel."""
+        return self.classes[:, 1:].sum(axis=1)
+
+    def save(self, path: Path) -> None:
+        """Keep the table in a cache file (.npz, no pickle)."""
+        arrays = {name: getattr(self, name) for name in self.__slots__ if name != "names"}
+        np.savez(path, names=np.array(self.names), **arrays)
+
+    @classmethod
+    def load(cls, path: Path) -> ContextTable:
+        """Read a cache file of `save`."""
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files if name != "names"}
+            return cls(names=tuple(str(name) for name in archive["names"]), **arrays)
+
+
+def collect_table(
+    samples: Iterable[Sample],
+    rooms: Mapping[str, RoomCuboid],
+    config: EstimatorConfig,
+    degraded: int = 1,
+    seed: int = 0,
+) -> ContextTable:
+    """Compute features and truth of labelled frames; `config.use_depth` decides between RGB-D and RGB.
+
+    Parameters
+    ----------
+    samples : with NYU40 labels; others are left out. The frame's number is its name where that is one.
+    rooms : fitted rooms by frame name; a frame without one teaches structure against clutter only.
+    degraded : how many further versions of each frame get their depth degraded (`degrade_depth`); 0 without depth.
+    """
+    parts: list[tuple[SuperpixelFeatures, NDArray[np.float32], NDArray[np.float32], int, int]] = []
+    for ordinal, sample in enumerate(samples):
+        if sample.truth is None or sample.truth.labels40 is None:
+            continue
+        number = int(sample.name) if sample.name.isdigit() else ordinal
+        for variant in range(1 + (degraded if config.use_depth else 0)):
+            frame = sample.frame
+            if variant and frame.depth_m is not None:
+                rng = np.random.default_rng((seed, number, variant))
+                frame = replace(frame, depth_m=degrade_depth(frame.depth_m, rng))
+            described = describe_frame(frame, config)
+            if described is None:
+                continue
+            superpixels, R, features = described
+            classes = class_histogram(superpixels.index, superpixels.count, sample.truth.labels40)
+            labels = np.zeros((superpixels.count, 7), np.float32)
+            if (room := rooms.get(sample.name)) is not None:
+                truth = true_labels(room, room.raster(frame.camera), sample.truth.labels40, R)
+                labels = label_histogram(superpixels.index, superpixels.count, truth)
+            parts.append((features, labels, classes, number, variant))
+    return _stack(parts)
+
+
+def _stack(parts: list[tuple[SuperpixelFeatures, NDArray[np.float32], NDArray[np.float32], int, int]]) -> ContextTable:
+    if not parts:
+        raise ValueError("no frame with class labels and usable axes is among the samples; at least one is needed")
+    structural = np.zeros(41, np.float32)
+    structural[list(STRUCTURE)] = 1.0
+    classes = np.concatenate([part[2] for part in parts])
+    sizes = [len(part[1]) for part in parts]
+    return ContextTable(
+        features=np.concatenate([part[0].values for part in parts]),
+        names=parts[0][0].names,
+        labels=np.concatenate([part[1] for part in parts]),
+        structure=classes @ structural,
+        classes=classes,
+        frame=np.repeat(np.array([part[3] for part in parts], np.int64), sizes),
+        variant=np.repeat(np.array([part[4] for part in parts], np.int8), sizes),
+    )
+
+
+def describe_frame(
+    frame: RgbdFrame, config: EstimatorConfig
+) -> tuple[Superpixels, NDArray[np.float64], SuperpixelFeatures] | None:
+    """Superpixels, axes and features of a frame, by the stages the estimator uses; None without axes."""
+    geometry = compute_depth_geometry(frame, config) if config.use_depth else None
+    if config.use_depth and geometry is None:
+        return None
+    color = frame.color if config.use_color else None
+    segments = LineSegments(np.empty((0, 4), np.float32)) if color is None else compute_line_segments(color, config)
+    if geometry is not None:
+        axes = estimate_manhattan_frame(geometry)
+        if axes is None:
+            return None
+        R = axes.R_room_camera
+    else:
+        R = estimate_axes_from_lines(segments, frame.camera, config).R_room_camera
+    inverse = None if geometry is None else geometry.inverse_depth
+    superpixels = compute_superpixels(color, inverse, config)
+    line_class = classify_segments(segments, R, frame.camera)
+    orientation = compute_orientation_map(segments, line_class, R, frame.camera)
+    features = compute_superpixel_features(
+        superpixels, color, inverse, R, frame.camera, segments, line_class, orientation
+    )
+    return superpixels, R, features
