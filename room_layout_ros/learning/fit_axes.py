@@ -59,7 +59,7 @@ def refine_axes(seen: FitObservation, R: NDArray[np.float64], iterations: int = 
             J = np.cross(R[k], seen.line_normal[mine])  # d(m . a)/d omega, a -> a + omega x a
             A += (J * robust[:, None]).T @ J
             b -= J.T @ (robust * residual)
-        R = R @ rotation_from_vector(np.linalg.solve(A, b)).T
+        R = np.asarray(R @ rotation_from_vector(np.asarray(np.linalg.solve(A, b), np.float64)).T, np.float64)
     return _nearest_rotation(R)
 
 

@@ -61,7 +61,7 @@ def observe(frame: RgbdFrame, labels40: NDArray[np.uint8], step_px: int = 4) -> 
     if labels40.shape != frame.depth_m.shape or labels40.dtype != np.uint8:
         size = frame.depth_m.shape
         raise ValueError(
-            f"labels are {labels40.dtype} {labels40.shape}; they must be uint8 and of the frame's size {size}"
+            f"labels are {labels40.dtype} {labels40.shape}; they must be uint8 {size} as the frame"
         )
     kind = classes(labels40)
     with np.errstate(divide="ignore", invalid="ignore"):

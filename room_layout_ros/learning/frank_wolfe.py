@@ -1,8 +1,8 @@
 """Structured SVM by block-coordinate Frank-Wolfe (Lacoste-Julien, Jaggi, Schmidt and Pletscher 2013), Algorithm 4.
 
 The same problem as `structured_svm` with a slack per example, min 1/2 ||w - w0||^2 + C/N sum_i xi_i: equal at the
-optimum, as the mean of the largest slacks is the largest mean. No quadratic program: each example's oracle answer is mixed
-into that example's share of the weights by a step of closed form.
+optimum, as the mean of the largest slacks is the largest mean. No quadratic program: each example's oracle answer is
+mixed into that example's share of the weights by a step of closed form.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ subject to, for every choice of outputs y_hat_i,
     1/N sum_i w . (phi(x_i, y_hat_i) - phi(x_i, y_i)) >= 1/N sum_i loss_i - xi
 
 Energies are minimised (E = w . phi), so the sign of the features is the opposite of the paper's scores. w0 is 0 in the
-paper; other values keep weights that no example speaks about where they were. The quadratic program is solved in its dual,
-max over alpha >= 0, sum alpha <= C of  alpha . b - 1/2 alpha . G alpha  with w = w0 + sum_j alpha_j g_j, by Clarabel.
+paper; other values keep weights that no example speaks about where they were. The quadratic program is solved in its
+dual, by Clarabel:  max over alpha >= 0, sum alpha <= C of  alpha . b - 1/2 alpha . G alpha, w = w0 + sum_j alpha_j g_j.
 """
 
 from __future__ import annotations
