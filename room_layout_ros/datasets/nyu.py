@@ -70,7 +70,9 @@ def _open(path: Path) -> Any:
     try:
         import h5py
     except ImportError:
-        raise ModuleNotFoundError(".mat files need h5py: pip install 'room_layout_ros[datasets]'", name="h5py") from None
+        raise ModuleNotFoundError(
+            ".mat files need h5py: pip install 'room_layout_ros[datasets]'", name="h5py"
+        ) from None
     try:
         return h5py.File(path, "r")
     except OSError:

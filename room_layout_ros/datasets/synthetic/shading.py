@@ -71,9 +71,10 @@ def shade(
 @njit(cache=True, nogil=True)
 def _hash(i, j, seed):  # type: ignore[no-untyped-def]
     """Repeatable number in 0..1 of a lattice point."""
-    h = np.uint32(i * 374761393 + j * 668265263 + seed * 2147483647)
-    h = np.uint32((h ^ (h >> np.uint32(13))) * np.uint32(1274126177))
-    return ((h ^ (h >> np.uint32(16))) & np.uint32(0xFFFF)) / 65535.0
+    # Masks instead of uint32: the same with and without the compiler.
+    h = (i * 374761393 + j * 668265263 + seed * 2147483647) & 0xFFFFFFFF
+    h = ((h ^ (h >> 13)) * 1274126177) & 0xFFFFFFFF
+    return ((h ^ (h >> 16)) & 0xFFFF) / 65535.0
 
 
 @njit(cache=True, nogil=True)
