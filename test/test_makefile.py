@@ -1,0 +1,75 @@
+"""The commands that everybody starts with: what `make` would run, read off its dry run."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+FROM_MAKE = re.compile("AMENT_PREFIX_PATH|FASTRTPS_|ROS_|NUMBA_|MAKE|MFLAGS")
+
+
+def _make(repository: Path, *arguments: str) -> str:
+    env = {k: v for k, v in os.environ.items() if not FROM_MAKE.match(k)}
+    command = ["make", "--no-print-directory", "-C", str(repository), *arguments]
+    result = subprocess.run(command, env=env, capture_output=True, text=True, timeout=60)
+    assert result.returncode == 0, result.stderr
+    return result.stdout
+
+
+@pytest.mark.parametrize("target", ["demo", "test", "check", "bench", "fuzz", "soak"])
+def test_each_target_installs_first(repository: Path, tmp_path: Path, target: str) -> None:
+    plan = _make(repository, "--dry-run", target, f"VENV={tmp_path}/fresh")
+    before, _, after = plan.rpartition(f"touch {tmp_path}/fresh/.installed")
+    assert "-m venv" in before
+    assert "--constraint constraints.txt --editable '.[all]'" in before
+    assert f"{tmp_path}/fresh/bin/" in after
+
+
+def test_a_second_run_does_not_install(repository: Path, tmp_path: Path) -> None:
+    stamp = tmp_path / ".installed"
+    stamp.touch()
+    assert "pip" not in _make(repository, "--dry-run", "demo", f"VENV={tmp_path}")
+
+
+def test_a_change_of_the_pins_installs_again(repository: Path, tmp_path: Path) -> None:
+    stamp = tmp_path / ".installed"
+    stamp.touch()
+    assert "pip" in _make(repository, "--dry-run", "demo", f"VENV={tmp_path}", "--what-if=constraints.txt")
+
+
+@pytest.mark.parametrize("platform", ["Darwin-arm64", "Linux-aarch64"])
+def test_where_no_ros_wheel_exists_the_rest_is_installed(repository: Path, tmp_path: Path, platform: str) -> None:
+    plan = _make(repository, "--dry-run", "install", f"VENV={tmp_path}/fresh", f"PLATFORM={platform}")
+    assert "--editable '.[offline]'" in plan
+    assert f'[ offline = all ] || echo "No ROS wheels exist for {platform}' in plan
+
+
+def test_demo_takes_an_input(repository: Path, tmp_path: Path) -> None:
+    (tmp_path / ".installed").touch()
+    plan = _make(repository, "--dry-run", "demo", f"VENV={tmp_path}", "INPUT=../shared/data/corridor")
+    assert plan.strip() == f"{tmp_path}/bin/room-layout demo --input '../shared/data/corridor'"
+
+
+def test_ci_runs_make_test_alone(repository: Path) -> None:
+    script = repository / ".ci" / "run"
+    assert os.access(script, os.X_OK)
+    lines = [line for line in script.read_text("utf-8").splitlines() if line and not line.startswith("#")]
+    assert lines[-1] == "exec make test"
+
+
+def test_processes_get_one_environment(repository: Path, tmp_path: Path) -> None:
+    (tmp_path / ".installed").touch()
+    print_env = "--eval=print-env: ; @env"
+    lines = _make(repository, print_env, f"VENV={tmp_path}", "print-env").splitlines()
+    env = dict(line.split("=", 1) for line in lines if "=" in line)
+    assert env["AMENT_PREFIX_PATH"] == str(tmp_path)
+    assert env["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(repository / "config" / "fastdds.xml")
+    assert 1 <= int(env["ROS_DOMAIN_ID"]) <= 100
+    assert env["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert not {"PYTHONPATH", "PYTHONHOME", "LD_LIBRARY_PATH"} & env.keys()
