@@ -283,3 +283,52 @@ def test_binning_and_region_match_the_node() -> None:
     message.binning_x = message.binning_y = 2
     message.roi.x_offset, message.roi.y_offset, message.roi.width, message.roi.height = 4, 6, 40, 30
     assert messages.decode_calibration(message).intrinsics == decode_camera_info(message).camera
+
+
+def compressed(content: bytes, form: str, stamp_ns: int) -> bytes:
+    store = messages.typestore()
+    message = store.types[messages.COMPRESSED](
+        header=messages.decode(depth_at(stamp_ns), IMAGE).header, format=form, data=np.frombuffer(content, np.uint8)
+    )
+    return bytes(store.serialize_cdr(message, messages.COMPRESSED))
+
+
+def test_compressed_colour_and_depth_are_read(tmp_path: Path, rng: np.random.Generator) -> None:
+    from room_layout_ros.datasets.images import encode_image
+
+    color = rng.integers(0, 256, (48, 64, 3)).astype(np.uint8)
+    depth_mm = rng.integers(0, 9000, (48, 64)).astype(np.uint16)
+    items = [
+        ("/rgb/camera_info", INFO, 1, info_at(1)),
+        ("/rgb/image/compressed", messages.COMPRESSED, 1, compressed(encode_image(".png", color), "rgb8; png", 1)),
+        (
+            "/depth_registered/image/compressedDepth",
+            messages.COMPRESSED,
+            1,
+            compressed(bytes(12) + encode_image(".png", depth_mm), "16UC1; compressedDepth png", 1),
+        ),
+    ]
+    (sample,) = good_samples(open_source(write_raw(tmp_path / "bag", items)))
+    np.testing.assert_array_equal(sample.frame.color, color)
+    assert sample.frame.depth_m is not None
+    np.testing.assert_array_equal(np.nan_to_num(sample.frame.depth_m * 1000).round(), depth_mm)
+
+
+@pytest.mark.parametrize("make", [color_at, depth_at, info_at])
+def test_mutated_messages_end_as_data_errors(make: Any, rng: np.random.Generator) -> None:
+    """Whatever the bytes are: a message, an image, or one sentence."""
+    whole = np.frombuffer(make(5), np.uint8)
+    kind = INFO if make is info_at else IMAGE
+    refused = 0
+    for _ in range(400):
+        raw = whole.copy()
+        raw[rng.integers(0, min(120, raw.size), 4)] = rng.integers(0, 256, 4)
+        try:
+            message = messages.decode(raw[: rng.integers(1, raw.size + 1)].tobytes(), kind)
+            if kind == INFO:
+                _ = messages.decode_calibration(message).intrinsics
+            else:
+                (messages.decode_color if make is color_at else messages.decode_depth)(message)
+        except DataError:
+            refused += 1
+    assert refused > 100

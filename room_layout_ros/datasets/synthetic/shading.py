@@ -16,6 +16,7 @@ from .shapes import Solid, Surface
 
 _LAMP_RANGE_M = 3.0
 _SHADOW_M = 0.13
+_TALL_M = 0.4
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +175,8 @@ def _contact(x, y, z, thing, boxes):  # type: ignore[no-untyped-def]
         py = abs(dy * boxes[k, 2] - dx * boxes[k, 3]) - boxes[k, 5]
         px, py = max(0.0, px), max(0.0, py)
         pz = max(0.0, max(boxes[k, 6] - z, z - boxes[k, 7]))
-        near = (px * px + py * py + pz * pz) / (_SHADOW_M * _SHADOW_M)
+        size = min(1.0, max(0.02, boxes[k, 7] - boxes[k, 6]) / _TALL_M)  # a small thing has a small shade
+        near = (px * px + py * py + pz * pz) / (_SHADOW_M * _SHADOW_M * size)
         if near < 12.0:
             factor *= 1.0 - 0.38 / (1.0 + near * near + near)
     return max(factor, 0.3)
