@@ -169,6 +169,7 @@ class Shell:
 
     def warm_up(self) -> None:
         """Run one made-up frame through everything."""
+        self._node.get_logger().info("warming up (compiles the first time)")
         start = time.monotonic()
         cv2.setNumThreads(1)  # OpenCV's pool only steals the core of the callbacks
         frame = warm_up_frame()
@@ -448,8 +449,14 @@ def _run(make_node: Callable[[], Any], args: Sequence[str] | None) -> int:
             node = make_node()
         except (KeyboardInterrupt, ExternalShutdownException):
             return 0
-        except (ValueError, ParameterException, NameValidationException, InvalidQosOverridesError) as error:
-            print(f"estimator: {error}", file=sys.stderr)
+        except (
+            ValueError,
+            ParameterException,
+            NameValidationException,
+            InvalidQosOverridesError,
+            RuntimeError,
+        ) as error:
+            print(f"estimator: {error}", file=sys.stderr)  # RuntimeError: what rcl says of its arguments and files
             return 2
         executor = SingleThreadedExecutor()
         executor.add_node(node)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
+import textwrap
 from dataclasses import dataclass
+from pathlib import Path
 
+from .core.config import EstimatorConfig, Parameter, Value, parameters
 from .core.config import _p as setting
-from .core.config import parameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,3 +52,71 @@ class NodeConfig:
             raise ValueError(
                 f"max_stamp_gap is {self.max_stamp_gap} s; it must be below reset_gap, which is {self.reset_gap} s"
             )
+
+
+TABLES = (("estimator", EstimatorConfig), ("node", NodeConfig))
+_WIDTH = 116
+
+
+def render_yaml() -> str:
+    """Return config/estimator.yaml: every parameter at its default, with its meaning."""
+    lines = ["# Every parameter of the node at its default. Written by: python -m room_layout_ros.node_config", ""]
+    lines += ["/**:", "  ros__parameters:"]
+    for title, table in TABLES:
+        lines.append(f"    # ---- {title}")
+        for row in parameters(table):
+            lines += textwrap.wrap(_meaning(row), _WIDTH, initial_indent="    # ", subsequent_indent="    # ")
+            lines.append(f"    {row.name}: {_scalar(row.default)}")
+    return "\n".join(lines) + "\n"
+
+
+def render_markdown() -> str:
+    """Return the tables of docs/parameters.md."""
+    lines = []
+    for title, table in TABLES:
+        lines += [f"## Parameters of the {title}", ""]
+        lines += ["| name | default | unit | allowed | meaning |", "|---|---|---|---|---|"]
+        for row in parameters(table):
+            fixed = "" if row.runtime else "; fixed after the start"
+            cells = (f"`{row.name}`", f"`{_scalar(row.default)}`", row.unit, _allowed(row), row.meaning + fixed)
+            lines.append("| " + " | ".join(cells) + " |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _meaning(row: Parameter) -> str:
+    notes = [n for n in (row.unit, _allowed(row), "" if row.runtime else "fixed after the start") if n]
+    return f"{row.meaning} ({', '.join(notes)})"
+
+
+def _allowed(row: Parameter) -> str:
+    if row.choices:
+        return ", ".join(row.choices)
+    if isinstance(row.default, bool):
+        return "true, false"
+    if isinstance(row.default, str):
+        return "text"
+    low = "-inf" if row.low is None else f"{row.low:g}"
+    return f"{low} to {'inf' if row.high is None else f'{row.high:g}'}"
+
+
+def _scalar(value: Value) -> str:
+    """Return YAML that ROS reads with the same type: a float keeps its point."""
+    if isinstance(value, float):
+        return f"{value:.12f}".rstrip("0") + ("0" if value == int(value) else "")
+    return json.dumps(value)
+
+
+def main(root: Path | None = None) -> None:
+    """Write config/estimator.yaml and the tables of docs/parameters.md anew."""
+    root = root or Path(__file__).resolve().parent.parent
+    (root / "config" / "estimator.yaml").write_text(render_yaml(), "utf-8")
+    page = root / "docs" / "parameters.md"
+    head = page.read_text("utf-8").partition(MARK)[0]
+    page.write_text(head + MARK + "\n\n" + render_markdown(), "utf-8")
+
+
+MARK = "<!-- generated from here on: python -m room_layout_ros.node_config -->"
+
+if __name__ == "__main__":
+    main()

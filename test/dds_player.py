@@ -38,10 +38,11 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--frames", type=int, default=90)
     parser.add_argument("--rate", type=float, default=30.0)
+    parser.add_argument("--namespace", default="/")
     options = parser.parse_args()
     frames = [serialized(i) for i in range(options.frames)]
     rclpy.init()
-    node = rclpy.create_node("player")
+    node = rclpy.create_node("player", namespace=options.namespace)
     kinds: dict[str, Any] = {
         "rgb/camera_info": CameraInfo, "rgb/image_rect_color": Image, "depth_registered/image_rect": Image,
     }  # fmt: skip
@@ -50,6 +51,7 @@ def main() -> None:
     while any(p.get_subscription_count() == 0 for p in publishers) and time.monotonic() < deadline:
         time.sleep(0.02)
     time.sleep(0.5)  # both sides have to know each other
+    print("playing", flush=True)
     start = time.perf_counter()
     for i, parts in enumerate(frames):
         for publisher, part in zip(publishers, parts, strict=True):

@@ -1,0 +1,235 @@
+"""The node as a user runs it: a process among others, over Fast DDS, to its last breath."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
+pytest.importorskip("rosbags", reason="rosbags is not installed (pip: extra playback)")
+
+from room_frames import FRAME_ID, room_frame, stamp_ns
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from room_layout_ros.core.estimator import LayoutEstimator
+
+pytestmark = pytest.mark.dds
+
+HERE = Path(__file__).resolve().parent
+NODE = ("-m", "room_layout_ros.node", "--ros-args")
+FRAMES = 75
+
+
+def environment(repository: Path) -> dict[str, str]:
+    path = os.pathsep.join([str(repository), str(HERE)])
+    return {
+        **os.environ,
+        "PYTHONPATH": path,
+        "PYTHONUNBUFFERED": "1",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(repository / "config" / "fastdds.xml"),
+    }
+
+
+@contextmanager
+def python(repository: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """Start Python; kill it at the end if it is still there."""
+    process = subprocess.Popen(
+        [sys.executable, *arguments],
+        env=environment(repository), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=repository,
+    )  # fmt: skip
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.wait(10)
+        if process.stdout:
+            process.stdout.close()
+
+
+def read_until(process: subprocess.Popen[str], pattern: str) -> str:
+    """Read lines until one matches. (The tests' own time limit is the node's: it says all this by itself.)"""
+    assert process.stdout is not None
+    seen = ""
+    for line in process.stdout:
+        seen += line
+        if re.search(pattern, line):
+            return seen
+    raise AssertionError(f"ended without {pattern!r}: {seen}")
+
+
+def rest(process: subprocess.Popen[str], seconds: float) -> str:
+    return process.communicate(timeout=seconds)[0]
+
+
+def remapped(namespace: str, *parameters: str) -> Sequence[str]:
+    return ["-r", f"__ns:={namespace}", *(part for p in parameters for part in ("-p", p))]
+
+
+def played(repository: Path, bag: Path, namespace: str) -> tuple[str, dict[str, list[int]]]:
+    """Play, estimate and record in three processes; return the player's words and the recorder's counts."""
+    topics = [f"{namespace}/estimator/{t}" for t in ("labels", "layout", "polygons")] + ["/diagnostics"]
+    with (
+        python(repository, *NODE, *remapped(namespace, "warm_start:=false")) as node,
+        python(repository, "-m", "room_layout_ros.recording", "--out", str(bag), *topics) as recorder,
+    ):
+        read_until(node, "listening to")
+        player_arguments = ("--frames", str(FRAMES), "--namespace", namespace)
+        with python(repository, str(HERE / "dds_player.py"), *player_arguments) as player:
+            sent = rest(player, 60)
+        time.sleep(1.2)  # one more message on /diagnostics
+        recorder.send_signal(signal.SIGINT)
+        counts = json.loads(rest(recorder, 20).strip().splitlines()[-1])
+        node.send_signal(signal.SIGINT)
+        rest(node, 10)
+        assert node.returncode == 0
+    return sent, counts
+
+
+def messages_of(bag: Path) -> dict[str, list[Any]]:
+    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        topics: dict[str, list[Any]] = {}
+        for connection, _, raw in reader.messages():
+            topics.setdefault(connection.topic, []).append(reader.deserialize(raw, connection.msgtype))
+        return topics
+
+
+def last_diagnostics(messages: list[Any], node: str) -> dict[str, dict[str, str]]:
+    """Return the values of the last message of `node` by the name of the finding."""
+    own = [m for m in messages if m.status[0].name.startswith(node + ":")]
+    return {s.name.partition(": ")[2]: {v.key: v.value for v in s.values} for s in own[-1].status}
+
+
+def stamp_of(message: Any) -> int:
+    return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
+
+
+def test_three_processes_at_30_hz_account_for_every_frame_and_agree_with_offline(
+    repository: Path, tmp_path: Path
+) -> None:
+    """Player, estimator, recorder: 640x480 pairs at 30 Hz; sums hold, and labels are bit-equal with offline."""
+    namespace = f"/run{os.getpid()}"
+    sent, counts = played(repository, tmp_path / "bag", namespace)
+    assert f"sent {FRAMES}" in sent
+    topics = messages_of(tmp_path / "bag")
+    labels = topics[f"{namespace}/estimator/labels"]
+    facts = last_diagnostics(topics["/diagnostics"], f"{namespace.strip('/')}/estimator")
+
+    color, depth, pairs = facts["input colour"], facts["input depth"], facts["estimates"]
+    for stream in (color, depth):
+        received = int(stream["received"])
+        assert received + int(stream["lost"]) == FRAMES, "the middleware says what it lost"
+        refused = sum(int(n) for key, n in stream.items() if key.startswith("refused"))
+        assert received == int(stream["paired"]) + int(stream["superseded"]) + int(stream["waiting"]) + refused
+        assert refused == 0
+        assert int(stream["paired"]) == int(pairs["pairs"])
+    dropped = {key: int(n) for key, n in pairs.items() if key.startswith("dropped")}
+    assert set(dropped) <= {"dropped: newer frame"}
+    empty = sum(int(n) for key, n in pairs.items() if key.startswith("no estimate"))
+    assert int(pairs["pairs"]) == int(pairs["published"]) + empty + sum(dropped.values())
+    assert int(pairs["in_flight"]) == 0
+    assert int(pairs["pairs"]) >= 0.9 * FRAMES
+
+    assert len(labels) == counts[f"{namespace}/estimator/labels"][0] == int(pairs["published"]) >= 5
+    number = {stamp_ns(i): i for i in range(FRAMES)}
+    estimator = LayoutEstimator()
+    for kind in ("labels", "layout"):
+        published = topics[f"{namespace}/estimator/{kind}"]
+        assert {stamp_of(m) for m in published} <= set(number)
+        assert {m.header.frame_id for m in published} == {FRAME_ID}
+    for message in labels[:: max(1, len(labels) // 12)]:
+        estimate = estimator.estimate(room_frame(number[stamp_of(message)]))
+        assert bytes(message.data) == estimate.labels.tobytes(), "bit-equal with the offline result"
+    polygons = topics[f"{namespace}/estimator/polygons"]
+    assert {stamp_of(m) for m in polygons} == {stamp_of(m) for m in labels}
+
+
+@pytest.mark.parametrize("number", (signal.SIGINT, signal.SIGTERM), ids=("SIGINT", "SIGTERM"))
+@pytest.mark.parametrize("moment", ("warming up", "idle", "in a frame"))
+def test_f39_a_signal_ends_it_in_two_seconds_with_exit_code_0(
+    repository: Path, number: signal.Signals, moment: str
+) -> None:
+    namespace = f"/signal{os.getpid()}"
+    parameters = ["lazy_inputs:=false"] if moment == "in a frame" else []
+    with python(repository, *NODE, *remapped(namespace, *parameters)) as node:
+        if moment == "warming up":
+            read_until(node, "warming up")
+        elif moment == "idle":
+            read_until(node, "warm after")
+            time.sleep(0.3)
+        else:
+            read_until(node, "listening to")
+            arguments = ("--frames", "40", "--namespace", namespace)
+            with python(repository, str(HERE / "dds_player.py"), *arguments) as player:
+                read_until(player, "playing")
+                time.sleep(0.7)
+                end_in_time(node, number)
+            return
+        end_in_time(node, number)
+
+
+def end_in_time(node: subprocess.Popen[str], number: signal.Signals) -> None:
+    start = time.monotonic()
+    node.send_signal(number)
+    said = rest(node, 20)
+    took = time.monotonic() - start
+    assert node.returncode == 0, said
+    assert "Traceback" not in said
+    assert took < 2.0 * slack(), f"took {took:.1f} s"
+
+
+def slack() -> float:
+    """Return how much slower this machine is than an idle one: other work must not fail the test."""
+    return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+
+
+@pytest.mark.parametrize(
+    ("parameter", "words"),
+    (
+        ("max_stamp_gap:=7.0", "max_stamp_gap"),
+        ("queue_size:=many", "queue_size"),
+        ("max_depth_m:=.nan", "max_depth_m"),
+        ("reset_gap:=0.01", "reset_gap"),
+    ),
+)
+def test_f33_wrong_settings_at_the_start_are_a_sentence_and_exit_code_2(
+    repository: Path, parameter: str, words: str
+) -> None:
+    with python(repository, *NODE, "-p", parameter) as node:
+        said = rest(node, 30)
+    assert node.returncode == 2, said
+    assert "Traceback" not in said
+    assert words in said.splitlines()[-1]
+
+
+def test_f33_a_missing_parameter_file_is_a_sentence_and_exit_code_2(repository: Path) -> None:
+    with python(repository, *NODE, "--params-file", "/nowhere/estimator.yaml") as node:
+        said = rest(node, 30)
+    assert node.returncode == 2, said
+    assert "Traceback" not in said
+    assert "/nowhere/estimator.yaml" in said
+
+
+def test_the_shipped_parameter_file_starts_the_node(repository: Path) -> None:
+    with python(repository, *NODE, "--params-file", str(repository / "config" / "estimator.yaml")) as node:
+        read_until(node, "warm after")
+        end_in_time(node, signal.SIGTERM)
+
+
+def test_the_recorder_does_not_overwrite(repository: Path, tmp_path: Path) -> None:
+    with python(repository, "-m", "room_layout_ros.recording", "--out", str(tmp_path), "/x") as recorder:
+        said = rest(recorder, 20)
+    assert recorder.returncode == 2
+    assert "exists" in said
