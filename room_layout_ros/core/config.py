@@ -77,6 +77,9 @@ class EstimatorConfig:
     min_valid_depth: float = _p(0.02, "below this share of measured pixels the status is NO_DEPTH", "", 0.0, 1.0)
     # superpixels (paper 3.1)
     superpixel_count: int = _p(200, "superpixels per image", "", 16, 4000)
+    superpixel_oversegmentation: float = _p(
+        2.0, "superpixels before neighbours are merged, over the number wanted; 1 is SLIC alone", "", 1.0, 8.0
+    )
     superpixel_lambda_color: float = _p(10.0, "weight of the colour term (paper: lambda_a)", "", 0.0, 100.0)
     superpixel_lambda_depth: float = _p(
         2.0, "weight of the depth term, the residual to the superpixel's plane; 0 is plain SLIC", "", 0.0, 100.0
