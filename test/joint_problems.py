@@ -9,6 +9,7 @@ from room_layout_ros.core.depth_profiles import compute_depth_profiles
 from room_layout_ros.core.energies import JointProblem
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.integral_geometry import count_cells
+from room_layout_ros.core.plane_fit import PlaneFit
 from room_layout_ros.core.ray_grid import compute_ray_grid
 from room_layout_ros.core.weights import N_FEATURES, ModelWeights
 
@@ -56,6 +57,9 @@ def random_problem(
         relation=relation,
         smoothness=np.column_stack([np.ones(len(edges)), rng.uniform(size=(len(edges), 2))]),
         profiles=profiles if with_depth else None,
+        fit=PlaneFit(np.where(rng.uniform(size=(nodes, 1)) < 0.2, np.nan, rng.uniform(-0.5, 4.0, (nodes, 5))), rng.uniform(size=(nodes, 5)), np.full(nodes, 0.1))
+        if with_depth
+        else None,
         front_axis=0.2,
     )
 

@@ -44,8 +44,7 @@ def energy_of_inference(
     problem: JointProblem, weights: ModelWeights, labels: NDArray[np.int64], layout: Layout, c: int
 ) -> float:
     """E(x, y) from the tables that the minimisation reads."""
-    sides, constant = plane_costs(problem, weights, float(problem.scales[c]))
-    planes = constant + sum(float(side[state]) for side, state in zip(sides, layout, strict=True))
+    planes = plane_costs(problem, weights, labels).of(layout, c)
     return (
         label_problem(problem, weights).energy(labels)
         + layout_energy(layout_tables(problem, weights, labels), layout)
@@ -120,15 +119,14 @@ def exhaustive_minimum(problem: JointProblem, weights: ModelWeights) -> float:
     alone = label_problem(problem, weights)
     labellings = np.array(list(itertools.product(range(6), repeat=4)))
     of_labels = np.array([alone.energy(x) for x in labellings])
-    tables = layout_tables(problem, weights)
-    planes = [plane_costs(problem, weights, float(c)) for c in problem.scales]
+    tables, planes = layout_tables(problem, weights), plane_costs(problem, weights)
     best = np.inf
     a, b, c, d = (range(int(n)) for n in problem.counts.grid.state_counts)
     for layout in itertools.product(a, b, c, d):
-        coupled = coupling(problem, weights, layout)
-        joint = of_labels + coupled[np.arange(4), labellings].sum(axis=1)
-        depth = min(k + sum(float(u[s]) for u, s in zip(sides, layout, strict=True)) for sides, k in planes)
-        best = min(best, float(joint.min()) + layout_energy(tables, layout) + depth)
+        for number, scale in enumerate(problem.scales):
+            coupled = coupling(problem, weights, layout, float(scale))
+            joint = of_labels + coupled[np.arange(4), labellings].sum(axis=1)
+            best = min(best, float(joint.min()) + layout_energy(tables, layout) + planes.of(layout, number))
     return best
 
 

@@ -21,6 +21,8 @@ FARTHEST_M = 15.0
 N_OFFSETS = 256
 _STEP = float(np.log(FARTHEST_M / NEAREST_M) / (N_OFFSETS - 1))
 _LOG_OFFSETS = np.log(NEAREST_M) + _STEP * np.arange(N_OFFSETS)
+OFFSETS: NDArray[np.float64] = np.exp(_LOG_OFFSETS)
+"""Distances in m at which profiles are sampled."""
 _TOLERANCE_M = 0.03
 """Unevenness of real walls, on top of the sensor's noise."""
 
@@ -43,7 +45,7 @@ class DepthProfiles:
 
     def at(self, face: int, distances: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return support and violation of a face (0..4) at distances in m; both 0 at +inf (the face is absent)."""
-        return _interpolate(self.support[face], distances), _interpolate(self.violation[face], distances)
+        return interpolate(self.support[face], distances), interpolate(self.violation[face], distances)
 
 
 def compute_depth_profiles(
@@ -68,13 +70,12 @@ def compute_depth_profiles(
     scale_count : int
         Candidates for the distance of the front wall: the strongest peaks of its support, then an even spread.
     """
-    offsets = NEAREST_M * np.exp(_STEP * np.arange(N_OFFSETS))
     support, violation = _profiles(
-        points, agreement, structure, sigma, FACE_AXIS, FACE_SIGN, offsets, np.log(NEAREST_M), _STEP, _TOLERANCE_M
+        points, agreement, structure, sigma, FACE_AXIS, FACE_SIGN, OFFSETS, np.log(NEAREST_M), _STEP, _TOLERANCE_M
     )
     front = FRONT_WALL - 1
-    scales = _scales(offsets, support[front] - violation[front], support[front], scale_count)
-    return DepthProfiles(offsets, support, violation, scales)
+    scales = _scales(OFFSETS, support[front] - violation[front], support[front], scale_count)
+    return DepthProfiles(OFFSETS, support, violation, scales)
 
 
 def _scales(
@@ -94,7 +95,8 @@ def _extent(offsets: NDArray[np.float64], balance: NDArray[np.float64], support:
     return float(offsets[clear[0]]) if len(clear) else float(offsets[-1])
 
 
-def _interpolate(profile: NDArray[np.float64], distances: NDArray[np.float64]) -> NDArray[np.float64]:
+def interpolate(profile: NDArray[np.float64], distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Read a profile over `OFFSETS` at distances in m, linear in log distance; 0 at +inf."""
     values = np.interp(np.log(distances), _LOG_OFFSETS, profile)
     return np.where(np.isfinite(distances), values, 0.0)
 

@@ -8,6 +8,7 @@ once, for learning; a test holds them equal.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ from .labelling import LabelProblem
 from .labels import FRONT_WALL, N_FACES, N_LABELS
 from .layout_search import Layout
 from .ray_grid import N_SIDES, SIDE_FACE
+from .plane_fit import N_FIT, PlaneFit, curve_at
 from .weights import BLOCKS, N_FEATURES, SLICES, ModelWeights, physical_table
 
 N_LAYOUT_FEATURES = 11
@@ -47,6 +49,7 @@ class JointProblem:
     relation : (E, 6) float64 0..1: i is above, below, right of, left of, in front of (farther), behind j.
     smoothness : (E, 3) float64 0..1: 1, likeness of colour, likeness of plane.
     profiles : depth support and violation per plane offset, None without depth.
+    fit : offsets of the superpixels along the normals, None without depth.
     front_axis : 0..1, how far the front wall's axis is turned away from the camera's.
     """
 
@@ -62,6 +65,7 @@ class JointProblem:
     relation: NDArray[np.float64]
     smoothness: NDArray[np.float64]
     profiles: DepthProfiles | None
+    fit: PlaneFit | None
     front_axis: float = 0.0
 
     def __post_init__(self) -> None:
@@ -143,27 +147,55 @@ def compatibility_costs(problem: JointProblem, weights: ModelWeights, labels: ND
     return weights.block("compatibility").T[labels[problem.atom_superpixel]] / problem.pixels
 
 
-def plane_costs(
-    problem: JointProblem, weights: ModelWeights, scale: float
-) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], float]:
-    """Return the costs of each side's states at a metric scale, and the constant of the front wall."""
+@dataclass(frozen=True, slots=True)
+class PlaneCosts:
+    """Costs of the planes' offsets at every candidate scale.
+
+    Attributes
+    ----------
+    sides : four (C, n) float64 costs per scale and state of ceiling, floor, left and right ray.
+    constant : (C,) float64 cost of the front wall and of what depends on no ray.
+    """
+
+    sides: tuple[NDArray[np.float64], ...]
+    constant: NDArray[np.float64]
+
+    def of(self, layout: Layout, c: int) -> float:
+        """Return the cost of one layout at scale number c."""
+        return float(self.constant[c] + sum(side[c, state] for side, state in zip(self.sides, layout, strict=True)))
+
+    def unaries(self, c: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the costs of the four sides' states at scale number c."""
+        ceiling, floor, left, right = self.sides
+        return ceiling[c], floor[c], left[c], right[c]
+
+    @property
+    def least(self) -> NDArray[np.float64]:
+        """(C,) lower bound of `of` over all layouts."""
+        result: NDArray[np.float64] = self.constant + sum(side.min(axis=1) for side in self.sides)
+        return result
+
+
+def plane_costs(problem: JointProblem, weights: ModelWeights, labels: NDArray[np.int64] | None = None) -> PlaneCosts:
+    """Return support, violation and absence of the planes, and their fit to the labels (K,) where these are given."""
     support, violation = weights.block("plane_support"), weights.block("plane_violation")
     absent = weights.block("face_absent")
-    grid = problem.counts.grid
+    scales = problem.scales[:, None]
+    fit = None if labels is None else fit_costs(problem, weights, labels)
+
+    def metric(face: int, distances: NDArray[np.float64]) -> NDArray[np.float64]:
+        if problem.profiles is None:
+            return np.zeros_like(distances)
+        s, v = problem.profiles.at(face, distances)
+        cost = support[face] * s + violation[face] * v
+        return cost if fit is None else cost + fit(face, distances)
+
     sides = []
     for side in range(N_SIDES):
-        states = grid.side_states(side)
-        cost = np.where(np.isfinite(states), 0.0, absent[side])
-        if problem.profiles is not None:
-            face = SIDE_FACE[side] - 1
-            s, v = problem.profiles.at(face, states * scale)
-            cost += support[face] * s + violation[face] * v
-        sides.append(cost)
-    constant = float(weights.block("front_axis")[0]) * problem.front_axis
-    if problem.profiles is not None:
-        s, v = problem.profiles.at(_FRONT, np.array([scale]))
-        constant += float(support[_FRONT] * s[0] + violation[_FRONT] * v[0])
-    return (sides[0], sides[1], sides[2], sides[3]), constant
+        states = problem.counts.grid.side_states(side)
+        sides.append(metric(SIDE_FACE[side] - 1, states * scales) + np.where(np.isfinite(states), 0.0, absent[side]))
+    constant = metric(_FRONT, scales)[:, 0] + float(weights.block("front_axis")[0]) * problem.front_axis
+    return PlaneCosts(tuple(sides), constant)
 
 
 def layout_tables(
@@ -219,9 +251,28 @@ def reversed_relation(relation: NDArray[np.float64]) -> NDArray[np.float64]:
     return relation[:, [1, 0, 3, 2, 5, 4]]
 
 
-def coupling(problem: JointProblem, weights: ModelWeights, layout: Layout) -> NDArray[np.float64]:
-    """Return E_comp of one layout as a cost per superpixel and label: (K, 6)."""
-    return superpixel_faces(problem, layout) @ weights.block("compatibility")
+def coupling(problem: JointProblem, weights: ModelWeights, layout: Layout, scale: float) -> NDArray[np.float64]:
+    """Return E_comp and the plane fit of one layout as a cost per superpixel and label: (K, 6)."""
+    cost = superpixel_faces(problem, layout) @ weights.block("compatibility")
+    if problem.fit is not None:
+        shares = problem.fit.at(plane_distances(problem, layout, scale))
+        cost[:, :N_FACES] += problem.area[:, None] * np.einsum("kfr,fr->kf", shares, weights.block("plane_fit"))
+    return cost
+
+
+def fit_costs(
+    problem: JointProblem, weights: ModelWeights, labels: NDArray[np.int64]
+) -> Callable[[int, NDArray[np.float64]], NDArray[np.float64]]:
+    """Return the plane fit of labels (K,) as a function of a face (0..4) and distances of its plane in m."""
+    if problem.fit is None:
+        return lambda _face, distances: np.zeros_like(distances)
+    curves, absent = problem.fit.curves(labels, problem.area, weights.block("plane_fit"))
+    return lambda face, distances: curve_at(curves[face], float(absent[face]), distances)
+
+
+def plane_distances(problem: JointProblem, layout: Layout, scale: float) -> NDArray[np.float64]:
+    """(5,) distances in m of the planes of a layout; +inf where a face is absent."""
+    return problem.counts.grid.cuboid(layout, scale).distances
 
 
 def superpixel_faces(problem: JointProblem, layout: Layout) -> NDArray[np.float64]:
@@ -274,6 +325,7 @@ def joint_features(
         "smoothness": problem.smoothness.T @ (problem.contact * (labels[i] != labels[j])),
         "plane_support": support,
         "plane_violation": violation,
+        "plane_fit": _fit_features(problem, area, layout, scale),
         "face_absent": absent,
         "front_axis": np.array([problem.front_axis]),
     }
@@ -281,6 +333,14 @@ def joint_features(
     for name in BLOCKS:
         phi[SLICES[name]] = blocks[name].ravel()
     return phi
+
+
+def _fit_features(
+    problem: JointProblem, area: NDArray[np.float64], layout: Layout, scale: float
+) -> NDArray[np.float64]:
+    if problem.fit is None:
+        return np.zeros((N_FACES, N_FIT))
+    return np.einsum("kfr,kf->fr", problem.fit.at(plane_distances(problem, layout, scale)), area[:, :N_FACES])
 
 
 def _plane_features(

@@ -13,6 +13,7 @@ from .depth import DepthGeometry
 from .energies import (
     ExtraCosts,
     JointProblem,
+    PlaneCosts,
     coupling,
     label_problem,
     layout_costs,
@@ -24,7 +25,7 @@ from .frame import CameraIntrinsics
 from .integral_geometry import PairTables, pair_tables
 from .joint_problem import FrameEvidence, build_joint_problem
 from .labelling import Labelling, LabelProblem, solve_labelling
-from .labels import FRONT_WALL, N_FACES
+from .labels import FRONT_WALL, N_FACES, N_LABELS
 from .layout import RoomCuboid
 from .layout_search import (
     Layout,
@@ -189,19 +190,23 @@ def solve_joint(
 
 @dataclass(frozen=True, slots=True)
 class _Placed:
-    """A layout with its metric scale and its energy without labels."""
+    """A layout, the number of its scale and its energy under the tables it was found with."""
 
     layout: Layout
-    scale: float
+    scale: int
     energy: float
 
 
 @dataclass(frozen=True, slots=True)
 class _State:
-    placed: _Placed
+    layout: Layout
+    scale: int
     labelling: Labelling
-    energy: float
     energies: tuple[float, ...]
+
+    @property
+    def energy(self) -> float:
+        return self.energies[-1]
 
 
 class _Alternation:
@@ -218,99 +223,73 @@ class _Alternation:
         self.problem, self.weights, self.config, self.expired, self.extra = problem, weights, config, expired, extra
         self.labels_alone = label_problem(problem, weights, extra)
         self.tables_alone = layout_tables(problem, weights, None, extra)
-        self.planes = [plane_costs(problem, weights, float(c)) for c in problem.scales]
-        self.plane_minimum = np.array(
-            [sum(float(u.min()) for u in sides) + constant for sides, constant in self.planes]
-        )
+        self.planes_alone = plane_costs(problem, weights)
 
     def first_layouts(self) -> list[_Placed]:
         """Best layouts of E_layout alone: the diverse ones at the best scale."""
-        best = self.best_layout(self.tables_alone)
+        best = best_layout(self.tables_alone, self.planes_alone)
         if self.config.joint_starts == 1:
             return [best]
-        index = int(np.flatnonzero(self.problem.scales == best.scale)[0])
-        sides, constant = self.planes[index]
-        ranked = diverse_layouts(add_unaries(self.tables_alone, sides), self.config.joint_starts)
-        return [_Placed(r.layout, best.scale, r.energy + constant) for r in ranked]
+        tables = add_unaries(self.tables_alone, self.planes_alone.unaries(best.scale))
+        ranked = diverse_layouts(tables, self.config.joint_starts)
+        return [_Placed(r.layout, best.scale, r.energy + float(self.planes_alone.constant[best.scale])) for r in ranked]
 
     def placed(self, layout: Layout) -> _Placed:
         """Return a layout at the scale that suits it best."""
-        energies = [self.plane_energy(layout, c) for c in range(len(self.planes))]
+        energies = [self.planes_alone.of(layout, c) for c in range(len(self.problem.scales))]
         c = int(np.argmin(energies))
-        return _Placed(layout, float(self.problem.scales[c]), layout_energy(self.tables_alone, layout) + energies[c])
-
-    def plane_energy(self, layout: Layout, c: int) -> float:
-        sides, constant = self.planes[c]
-        return constant + float(sum(side[state] for side, state in zip(sides, layout, strict=True)))
-
-    def best_layout(self, tables: PairTables, known: _Placed | None = None) -> _Placed:
-        """Return the exact minimum over layouts and scales; scales whose lower bound is no better are not searched."""
-        floor = search_layout(tables).energy
-        best = known
-        if known is not None:
-            c = int(np.flatnonzero(self.problem.scales == known.scale)[0])
-            best = _Placed(
-                known.layout, known.scale, layout_energy(tables, known.layout) + self.plane_energy(known.layout, c)
-            )
-        for c in np.argsort(self.plane_minimum, kind="stable"):
-            if best is not None and floor + self.plane_minimum[c] >= best.energy - _TIE:
-                break
-            sides, constant = self.planes[c]
-            found = search_layout(add_unaries(tables, sides))
-            if best is None or found.energy + constant < best.energy - _TIE:
-                best = _Placed(found.layout, float(self.problem.scales[c]), found.energy + constant)
-        if best is None:
-            raise AssertionError("no scale to search")
-        return best
+        return _Placed(layout, c, layout_energy(self.tables_alone, layout) + energies[c])
 
     def run(self, start: _Placed) -> _State:
         """Alternate from one layout until nothing changes, the rounds are used up or the time is."""
-        placed = start
-        labelling = self.label(placed.layout, None)
-        energies = [placed.energy + labelling.energy]
+        layout, scale = start.layout, start.scale
+        labelling = self.label(layout, scale, None)
+        energies = [start.energy + labelling.energy]
         for _ in range(self.config.joint_alternations):
             if self.expired():
                 break
-            tables = layout_tables(self.problem, self.weights, labelling.labels, self.extra)
-            alone = self.labels_alone.energy(labelling.labels)
-            moved = self.best_layout(tables, placed)
-            energies.append(moved.energy + alone)
-            if moved.layout == placed.layout and moved.scale == placed.scale:
+            moved = best_layout(*self.given_labels(labelling.labels), (layout, scale))
+            energies.append(moved.energy + self.labels_alone.energy(labelling.labels))
+            if (moved.layout, moved.scale) == (layout, scale):
                 break
-            placed = moved
+            layout, scale = moved.layout, moved.scale
             if self.expired():
                 break
-            labelling = self.label(placed.layout, labelling)
-            energies.append(self.layout_alone(placed) + labelling.energy)
-        return _State(self.alone(placed), labelling, energies[-1], tuple(energies))
+            labelling = self.label(layout, scale, labelling)
+            energies.append(self.layout_alone(layout, scale) + labelling.energy)
+        return _State(layout, scale, labelling, tuple(energies))
 
-    def alone(self, placed: _Placed) -> _Placed:
-        return _Placed(placed.layout, placed.scale, self.layout_alone(placed))
+    def given_labels(self, labels: NDArray[np.int64]) -> tuple[PairTables, PlaneCosts]:
+        """E_layout + E_comp(x, .) as tables."""
+        tables = layout_tables(self.problem, self.weights, labels, self.extra)
+        return tables, plane_costs(self.problem, self.weights, labels)
 
-    def layout_alone(self, placed: _Placed) -> float:
-        c = int(np.flatnonzero(self.problem.scales == placed.scale)[0])
-        return layout_energy(self.tables_alone, placed.layout) + self.plane_energy(placed.layout, c)
+    def layout_alone(self, layout: Layout, scale: int) -> float:
+        return layout_energy(self.tables_alone, layout) + self.planes_alone.of(layout, scale)
 
-    def label(self, layout: Layout, start: Labelling | None) -> Labelling:
+    def label(self, layout: Layout, scale: int, start: Labelling | None) -> Labelling:
         """Labels for a layout: min over x of E_labelling + E_comp(., y)."""
+        coupled = coupling(self.problem, self.weights, layout, float(self.problem.scales[scale]))
+        return self.solve_labels(coupled, start)
+
+    def solve_labels(self, added: NDArray[np.float64], start: Labelling | None) -> Labelling:
         alone = self.labels_alone
-        unary = alone.unary + coupling(self.problem, self.weights, layout)
-        return solve_labelling(LabelProblem(unary, alone.edges, alone.pairwise), self.config.labelling_sweeps, start)
+        problem = LabelProblem(alone.unary + added, alone.edges, alone.pairwise)
+        return solve_labelling(problem, self.config.labelling_sweeps, start)
 
     def conclude(self, state: _State, prove: bool) -> JointSolution:
         """Add bound and confidences to the best state."""
         finished = not self.expired()
-        tables = layout_tables(self.problem, self.weights, state.labelling.labels, self.extra)
-        c = int(np.flatnonzero(self.problem.scales == state.placed.scale)[0])
-        full = add_unaries(tables, self.planes[c][0])
+        tables, planes = self.given_labels(state.labelling.labels)
+        full = add_unaries(tables, planes.unaries(state.scale))
         return JointSolution(
-            layout=state.placed.layout,
-            scale=state.placed.scale,
+            layout=state.layout,
+            scale=float(self.problem.scales[state.scale]),
             labels=state.labelling.labels,
             energy=state.energy,
             bound=self.bound(state) if prove and finished else -np.inf,
             energies=state.energies,
-            face_confidence=_face_confidence(self.problem, full, state.placed.layout, self.config.layout_temperature),
+            face_confidence=_face_confidence(self.problem, full, state.layout, self.config.layout_temperature),
             finished=finished,
             messages=state.labelling,
         )
@@ -318,27 +297,48 @@ class _Alternation:
     def bound(self, state: _State) -> float:
         """Lower bound on the joint energy.
 
-        With any costs m(k, label) moved from the labels' side to the layout's,
-        min E >= min_x [E_lab + m] + min_y [E_layout + sum over pixels of min_label (w_comp - m per pixel)].
-        m = E_comp at the layout found makes the first term the labelling's own bound, and the second tight where
-        superpixels do not straddle faces; the rest of the gap is honest.
+        With any costs m(k, label) moved from the layout's side to the labels', and the plane fit at its least,
+        min E >= min_x [E_lab + least fit + m] + min_y [E_layout + sum over pixels of min_label (w_comp - m per pixel)].
+        Both minima are bounded or exact. m is tried as 0 and as E_comp at the layout found, where the second term is
+        tight but for superpixels that straddle faces.
         """
         problem = self.problem
-        w = self.weights.block("compatibility") / problem.pixels
+        w = self.weights.block("compatibility")
+        least = np.zeros((len(problem.label_gc), N_LABELS))
+        if problem.fit is not None:
+            least = problem.fit.least(self.weights.block("plane_fit")) * problem.area[:, None]
         best = -np.inf
         for share in (1.0, 0.0):
-            moved = share * coupling(problem, self.weights, state.placed.layout)
+            moved = share * (superpixel_faces(problem, state.layout) @ w)
             per_pixel = moved / np.maximum(problem.area * problem.pixels, 1e-9)[:, None]
-            relaxed = (w[None] - per_pixel[:, None, :]).min(axis=2)
+            relaxed = (w[None] / problem.pixels - per_pixel[:, None, :]).min(axis=2)
             cost = layout_costs(problem, self.weights, self.extra) + relaxed[problem.atom_superpixel]
-            of_layout = self.best_layout(pair_tables(problem.counts, cost)).energy
-            if share == 1.0:
-                of_labels = state.labelling.bound
-            else:
-                alone = self.labels_alone
-                of_labels = solve_labelling(alone, self.config.labelling_sweeps).bound
-            best = max(best, of_layout + of_labels)
+            of_layout = best_layout(pair_tables(problem.counts, cost), self.planes_alone).energy
+            best = max(best, of_layout + self.solve_labels(moved + least, None).bound)
         return min(best, state.energy)
+
+
+def best_layout(tables: PairTables, planes: PlaneCosts, known: tuple[Layout, int] | None = None) -> _Placed:
+    """Return the exact minimum over layouts and scales.
+
+    Scales whose lower bound is no better than the best so far are not searched; `known`, the layout before, is kept unless
+    another is better.
+    """
+    least = planes.least
+    lowest = search_layout(tables).energy
+    best = None
+    if known is not None:
+        best = _Placed(*known, layout_energy(tables, known[0]) + planes.of(*known))
+    for c in np.argsort(least, kind="stable"):
+        if best is not None and lowest + least[c] >= best.energy - _TIE:
+            break
+        found = search_layout(add_unaries(tables, planes.unaries(c)))
+        energy = found.energy + float(planes.constant[c])
+        if best is None or energy < best.energy - _TIE:
+            best = _Placed(found.layout, int(c), energy)
+    if best is None:
+        raise AssertionError("no scale to search")
+    return best
 
 
 def _face_confidence(

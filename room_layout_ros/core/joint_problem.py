@@ -15,6 +15,7 @@ from .energies import ExtraCosts, JointProblem
 from .frame import CameraIntrinsics
 from .integral_geometry import count_cells, keep_atoms
 from .labels import N_FACES, N_LABELS
+from .plane_fit import compute_plane_fit
 from .ray_grid import compute_ray_grid
 from .superpixels import Superpixels
 
@@ -24,6 +25,7 @@ _TOLERANCE_M, _SPAN_M = 0.03, 0.30
 _TOLERANCE_SLOPE, _SPAN_SLOPE = 0.02, 0.20
 """The same for directions |u|, |v| where nothing is known of depth."""
 _COLOR_SCALE = 10.0
+_MAX_CUE_M = 3.0
 _PLANE_SCALE = 0.03
 """Relative difference of depth at which two planes are no longer one."""
 
@@ -104,6 +106,7 @@ def build_joint_problem(
         / np.maximum(weight, 1.0)[:, None]
     )
     cues = np.zeros((K, 12)) if evidence.depth_cues is None else np.asarray(evidence.depth_cues, np.float64)
+    cues = np.minimum(cues, _MAX_CUE_M)  # cosines are below it
     with_depth = geometry is not None
     return JointProblem(
         counts=counts,
@@ -118,6 +121,7 @@ def build_joint_problem(
         relation=compute_relations(camera, superpixels, R, with_depth),
         smoothness=_smoothness(superpixels, with_depth),
         profiles=None if geometry is None else _profiles(geometry, R, context, superpixels, config),
+        fit=None if geometry is None else compute_plane_fit(camera, superpixels, R),
         front_axis=float(1.0 - R[2, 2]),
     )
 

@@ -39,6 +39,7 @@ BLOCKS: Mapping[str, tuple[int, ...]] = {
     "smoothness": (3,),
     "plane_support": (5,),
     "plane_violation": (5,),
+    "plane_fit": (5, 3),
     "face_absent": (4,),
     "front_axis": (1,),
 }
@@ -62,11 +63,11 @@ N_FEATURES = max(s.stop for s in SLICES.values())
 VARIANTS: Mapping[str, tuple[str, ...]] = {
     "full": (),
     "paper": tuple(b for b in BLOCKS if b not in PAPER_BLOCKS),
-    "rgb": ("label_depth", "plane_support", "plane_violation"),
+    "rgb": ("label_depth", "plane_support", "plane_violation", "plane_fit"),
     "om_only": ("layout_gc", "label_gc"),
     "gc_only": ("layout_om", "label_om"),
     "no_compatibility": ("compatibility",),
-    "no_planes": ("plane_support", "plane_violation"),
+    "no_planes": ("plane_support", "plane_violation", "plane_fit"),
     "no_pairs": ("pair", "smoothness"),
 }
 """Blocks that are off in each variant of the model (lambda_d = 0 and one alternation are settings, not blocks)."""
@@ -161,9 +162,10 @@ def start_weights() -> ModelWeights:
         "compatibility": 0.6 * disagree - 0.1 * structure,
         "label_om": -0.05 * structure,
         "smoothness": np.array([0.01, 0.05, 0.08]),
-        "plane_support": np.full(5, -0.6),
-        "plane_violation": np.full(5, 0.9),
-        "face_absent": np.array([0.0, 0.0, 0.005, 0.005]),
+        "plane_support": np.full(5, -1.2),
+        "plane_violation": np.full(5, 3.6),
+        "plane_fit": np.tile([-0.3, 0.5, 0.3], (5, 1)),
+        "face_absent": np.array([-0.01, 0.0, -0.01, -0.01]),
         "front_axis": np.array([0.05]),
     }
     return ModelWeights(pack_blocks(blocks), {"name": "start", "origin": "set by hand"})

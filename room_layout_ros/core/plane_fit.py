@@ -1,0 +1,137 @@
+"""Metric agreement of labels and layout: does a superpixel lie on the plane of the face it is labelled as?
+
+Beyond the paper, whose compatibility only counts pixels. For a superpixel labelled face k the term depends on the offset of
+plane k alone: with the layout fixed it is a unary term of the labels, with the labels fixed a unary term of the rays, so
+both half steps of the alternation stay as they are.
+
+All values are linear interpolations over the offsets of `depth_profiles`, so that both half steps see the same energy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
+from .depth_profiles import OFFSETS, interpolate
+from .frame import CameraIntrinsics
+from .labels import N_FACES
+from .layout import FACE_AXIS, FACE_SIGN
+from .superpixels import Superpixels
+
+N_FIT = 3
+"""On the plane, in front of it, beyond it."""
+
+_TOLERANCE_M = 0.06
+_SPAN_M = 0.30
+"""Fully in front or beyond, this much outside the tolerance."""
+_NORMAL_RAD = np.deg2rad(12.0)
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneFit:
+    """Where the superpixels lie along the normals of the five faces.
+
+    Attributes
+    ----------
+    offset : (K, 5) float64, m of the centroid along each outward normal; NaN where no plane was found.
+    agreement : (K, 5) float64 0..1, how well the superpixel's normal is the face's.
+    tolerance : (K,) float64, m within which it is on the plane.
+    """
+
+    offset: NDArray[np.float64]
+    agreement: NDArray[np.float64]
+    tolerance: NDArray[np.float64]
+
+    def at(self, distances: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (K, 5, 3) shares on, in front of and beyond planes at (5,) distances in m, +inf an absent one."""
+        return _at(self.offset, self.agreement, self.tolerance, OFFSETS, distances)
+
+    def curves(
+        self, labels: NDArray[np.int64], area: NDArray[np.float64], weights: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the cost of the labels (K,) as a function of each plane's offset: (5, n), and where it is absent (5,)."""
+        return _curves(self.offset, self.agreement, self.tolerance, OFFSETS, labels, area, weights)
+
+    def least(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the least cost per area that each label can have at any offset: (K, 6), clutter 0."""
+        result = np.zeros((len(self.offset), N_FACES + 1))
+        result[:, :N_FACES] = np.inf
+        for distance in (*OFFSETS, np.inf):
+            cost = np.einsum("kfr,fr->kf", self.at(np.full(N_FACES, distance)), weights)
+            np.minimum(result[:, :N_FACES], cost, out=result[:, :N_FACES])
+        return result
+
+
+def curve_at(curve: NDArray[np.float64], absent: float, distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Read a cost curve at distances in m."""
+    return np.where(np.isfinite(distances), interpolate(curve, distances), absent)
+
+
+def compute_plane_fit(camera: CameraIntrinsics, superpixels: Superpixels, R: NDArray[np.float64]) -> PlaneFit:
+    """Place the superpixels' planes in the room axes R (rows X right, Y down, Z front)."""
+    centre = superpixels.center_px.astype(np.float64)
+    a, b, c = superpixels.plane.T
+    inverse = a * centre[:, 0] + b * centre[:, 1] + c
+    ray = np.column_stack([(centre - (camera.cx, camera.cy)) / (camera.fx, camera.fy), np.ones(len(centre))])
+    m = np.column_stack([a * camera.fx, b * camera.fy, c + a * camera.cx + b * camera.cy])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = np.where(inverse > 0, 1.0 / inverse, np.nan)
+        normal = m / np.linalg.norm(m, axis=1, keepdims=True)
+    outward = FACE_SIGN[:, None] * R[FACE_AXIS]
+    cosine = np.clip(normal @ outward.T, -1.0, 1.0)
+    agreement = np.nan_to_num(np.exp(-(1.0 - cosine) / _NORMAL_RAD**2), nan=0.0)
+    tolerance = _TOLERANCE_M + 2.0 * np.asarray(depth_sigma(np.nan_to_num(z, nan=1.0), NOISE_FLOOR_M, NOISE_QUADRATIC))
+    return PlaneFit((ray * z[:, None]) @ outward.T, agreement, tolerance)
+
+
+@njit(cache=True, nogil=True)
+def _shares(gap, agreement, tolerance):  # type: ignore[no-untyped-def]
+    """On, in front, beyond for a plane `gap` m behind the superpixel."""
+    on = max(0.0, 1.0 - abs(gap) / tolerance) * agreement
+    front = min(1.0, max(0.0, (gap - tolerance) / _SPAN_M))
+    beyond = min(1.0, max(0.0, (-gap - tolerance) / _SPAN_M))
+    return on, front, beyond
+
+
+@njit(cache=True, nogil=True)
+def _at(offset, agreement, tolerance, offsets, distances):  # type: ignore[no-untyped-def]
+    result = np.zeros((len(offset), 5, 3))
+    n = len(offsets)
+    for f in range(5):
+        d = distances[f]
+        low, part = 0, 0.0
+        if np.isfinite(d):
+            position = (np.log(d) - np.log(offsets[0])) / (np.log(offsets[n - 1]) - np.log(offsets[0])) * (n - 1)
+            position = min(max(position, 0.0), float(n - 1))
+            low = min(int(position), n - 2)
+            part = position - low
+        for k in range(len(offset)):
+            if not offset[k, f] == offset[k, f]:
+                continue
+            if np.isinf(d):
+                result[k, f, 1] = 1.0
+                continue
+            first = _shares(offsets[low] - offset[k, f], agreement[k, f], tolerance[k])
+            second = _shares(offsets[low + 1] - offset[k, f], agreement[k, f], tolerance[k])
+            for r in range(3):
+                result[k, f, r] = (1.0 - part) * first[r] + part * second[r]
+    return result
+
+
+@njit(cache=True, nogil=True)
+def _curves(offset, agreement, tolerance, offsets, labels, area, weights):  # type: ignore[no-untyped-def]
+    curves = np.zeros((5, len(offsets)))
+    absent = np.zeros(5)
+    for k in range(len(offset)):
+        f = labels[k]
+        if f >= 5 or not offset[k, f] == offset[k, f]:
+            continue
+        absent[f] += area[k] * weights[f, 1]
+        for b in range(len(offsets)):
+            on, front, beyond = _shares(offsets[b] - offset[k, f], agreement[k, f], tolerance[k])
+            curves[f, b] += area[k] * (weights[f, 0] * on + weights[f, 1] * front + weights[f, 2] * beyond)
+    return curves, absent
