@@ -10,6 +10,7 @@ search. Both are beyond the paper (docs/method.md, section 8).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numba import njit
@@ -41,7 +42,7 @@ _FLOOR_GUESSES_M = (0.9, 1.1, 1.3, 1.5)
 
 @dataclass(frozen=True, slots=True)
 class RoomCells:
-    """Cells of an image, flat.
+    """Cells of an image, flat, in an interleaved order: any first part of them is spread over the whole image.
 
     Attributes
     ----------
@@ -79,7 +80,14 @@ def room_cells(geometry: DepthGeometry, probability: NDArray[np.float64], superp
     right, down = ((x - camera.cx) / camera.fx)[None, :], ((y - camera.cy) / camera.fy)[:, None]
     rays = np.stack(np.broadcast_arrays(right, down, 1.0), -1)
     kinds = np.column_stack([probability[:, 0], probability[:, 1], probability[:, 2:5].sum(axis=1), probability[:, 5]])
-    return RoomCells(rays.reshape(-1, 3), w.ravel(), _cell_means(superpixels, kinds, rows, cols, CELL_PX))
+    order = _interleaved(rows * cols)
+    probabilities = _cell_means(superpixels, kinds, rows, cols, CELL_PX)
+    return RoomCells(rays.reshape(-1, 3)[order], w.ravel()[order], probabilities[order])
+
+
+@cache
+def _interleaved(count: int) -> NDArray[np.intp]:
+    return np.concatenate([np.arange(start, count, _COARSE) for start in (3, 0, 5, 1, 6, 2, 4)])
 
 
 def fit_room(cells: RoomCells, hypotheses: tuple[NDArray[np.float64], ...]) -> FittedRoom:
@@ -124,8 +132,17 @@ def _candidates(cells: RoomCells, R: NDArray[np.float64]) -> list[list[float]]:
                 values += [float(v) for v in np.quantile(along[along > _MIN_DISTANCE_M], (0.98, 0.995))]
         elif mine.sum() < 4.0:  # of 3072 cells: none to speak of
             values = list(_FLOOR_GUESSES_M) if face == 1 else []
-        result.append([v for v in values if v > _MIN_DISTANCE_M] + [np.inf])
+        result.append(_distinct(values))
     return result
+
+
+def _distinct(values: list[float]) -> list[float]:
+    """Values that differ from all earlier ones by 3 cm and 2 %, then out of view."""
+    kept: list[float] = []
+    for value in values:
+        if value > _MIN_DISTANCE_M and all(abs(value - other) > 0.03 + 0.02 * other for other in kept):
+            kept.append(value)
+    return [*kept, np.inf]
 
 
 def _modes(along: NDArray[np.float64], weight: NDArray[np.float64], count: int) -> list[float]:
@@ -172,63 +189,63 @@ def _plane_rows(R, distances):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def mean_cost(rays, inverse_depth, probability, R, distances, costs, stride):  # type: ignore[no-untyped-def]
-    """Mean cost of a cuboid over every `stride`-th cell, see `_COSTS`."""
+def mean_cost(rays, inverse_depth, probability, R, distances, costs, count, limit):  # type: ignore[no-untyped-def]
+    """Mean cost of a cuboid over the first `count` cells, see `_COSTS`; inf as soon as it must be above `limit`."""
     m = _plane_rows(R, distances)
     total = 0.0
-    used = 0
-    for i in range(stride // 2, len(rays), stride):
+    stop = limit * count
+    for i in range(count):
         best, face = 1e-3, -1  # a face more than a kilometre away is no face
         for k in range(5):
             value = m[k, 0] * rays[i, 0] + m[k, 1] * rays[i, 1] + m[k, 2] * rays[i, 2]
             if value > best:
                 best, face = value, k
-        used += 1
-        p = probability[i]
-        structure = p[0] + p[1] + p[2]
+        structure = probability[i, 0] + probability[i, 1] + probability[i, 2]
+        clutter = probability[i, 3]
         if face < 0:
-            total += costs[0] * structure + costs[1] * p[3]
+            total += costs[0] * structure + costs[1] * clutter
             continue
-        kind = min(face, 2)
-        total += costs[0] * (structure - p[kind])
+        mine = probability[i, min(face, 2)]
+        total += costs[0] * (structure - mine)
         w = inverse_depth[i]
-        if w <= 0.0:
-            continue
-        offset = distances[face] * (best / w - 1.0)  # of the point beyond the plane
-        tolerance = costs[4] + costs[5] / w
-        off = min(abs(offset) / tolerance, 1.0) ** 2
-        if offset > 0.0:
-            total += off * (p[kind] * (costs[6] if kind == 2 else 1.0) + p[3] * costs[1])
-        else:
-            total += off * p[kind] + p[3] * costs[2] * min(-offset, 1.0)
+        if w > 0.0:
+            offset = distances[face] * (best / w - 1.0)  # of the point beyond the plane
+            off = min(abs(offset) / (costs[4] + costs[5] / w), 1.0) ** 2
+            if offset > 0.0:
+                total += off * (mine * (costs[6] if face >= 2 else 1.0) + clutter * costs[1])
+            else:
+                total += off * mine + clutter * costs[2] * min(-offset, 1.0)
+        if i % 64 == 63 and total > stop:
+            return np.inf
     faces = 0
     for k in range(5):
         if distances[k] < np.inf:
             faces += 1
-    return total / max(used, 1) + costs[3] * faces
+    return total / max(count, 1) + costs[3] * faces
 
 
 @njit(cache=True, nogil=True)
 def _search(rays, inverse_depth, probability, R, table, sizes, costs):  # type: ignore[no-untyped-def]
     trial = table[:, 0].copy()
+    coarse = len(rays) // _COARSE
     best = np.inf
     distances = trial.copy()
     for i in range(sizes[2]):
         for j in range(sizes[3]):
             for k in range(sizes[4]):
                 trial[2], trial[3], trial[4] = table[2, i], table[3, j], table[4, k]
-                cost = mean_cost(rays, inverse_depth, probability, R, trial, costs, _COARSE)
+                cost = mean_cost(rays, inverse_depth, probability, R, trial, costs, coarse, best)
                 if cost < best:
                     best = cost
                     distances[:] = trial
-    best = mean_cost(rays, inverse_depth, probability, R, distances, costs, 1)
+    best = mean_cost(rays, inverse_depth, probability, R, distances, costs, len(rays), np.inf)
     for _ in range(_SWEEPS):
         before = best
         for face in (1, 0, 3, 2, 4):
             trial[:] = distances
             for i in range(sizes[face]):
                 trial[face] = table[face, i]
-                cost = mean_cost(rays, inverse_depth, probability, R, trial, costs, 1)
+                cost = mean_cost(rays, inverse_depth, probability, R, trial, costs, len(rays), best)
                 if cost < best:
                     best = cost
                     distances[face] = trial[face]
@@ -240,7 +257,7 @@ def _search(rays, inverse_depth, probability, R, table, sizes, costs):  # type: 
 @njit(cache=True, nogil=True)
 def _refine(rays, inverse_depth, probability, R, distances, costs):  # type: ignore[no-untyped-def]
     distances = distances.copy()
-    best = mean_cost(rays, inverse_depth, probability, R, distances, costs, 1)
+    best = mean_cost(rays, inverse_depth, probability, R, distances, costs, len(rays), np.inf)
     turn, shift = _FIRST_TURN_RAD, _FIRST_SHIFT_M
     for _ in range(_HALVINGS):
         for _ in range(_ROUNDS):
@@ -255,7 +272,7 @@ def _refine(rays, inverse_depth, probability, R, distances, costs):  # type: ign
                     else:
                         trial = distances.copy()
                         trial[k - 3] = max(trial[k - 3] + sign * shift, _MIN_DISTANCE_M)
-                    cost = mean_cost(rays, inverse_depth, probability, trial_R, trial, costs, 1)
+                    cost = mean_cost(rays, inverse_depth, probability, trial_R, trial, costs, len(rays), best)
                     if cost < best - 1e-7:
                         best, improved = cost, True
                         R, distances = trial_R, trial
