@@ -101,6 +101,18 @@ def test_bad_input_is_one_sentence_and_exit_code_2(
     assert len(said.strip().splitlines()) == 1
 
 
+def test_frames_that_cannot_be_used_are_counted_on_the_page(made: Path, tmp_path: Path) -> None:
+    frames = tmp_path / "frames"
+    assert room_layout(["convert", str(made / "input"), str(frames)]) == 0
+    broken = sorted((frames / "depth").glob("*.png"))[1]
+    broken.write_bytes(broken.read_bytes()[:100])
+    out = tmp_path / "out"
+    assert room_layout(["demo", "--no-node", "--input", str(frames), "--out", str(out)]) == 0
+    page = check_page(out)
+    assert f"{N_FRAMES - 1} of {N_FRAMES - 1}" in page
+    assert "1 frames of the input could not be used" in page
+
+
 def test_where_ros_is_missing_the_demo_says_so_and_goes_on(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,8 +12,8 @@ import argparse
 import importlib.util
 import shutil
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -25,7 +25,7 @@ from room_layout_ros.commands.demo_pictures import side_by_side, write_animation
 from room_layout_ros.commands.demo_results import Recording, read_recording
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.datasets import DataError, FrameSource, Sample, good_samples, open_source
+from room_layout_ros.datasets import BadFrame, DataError, FrameSource, Sample, open_source
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.datasets.writers import BagWriter
 from room_layout_ros.evaluation.measures import score_pixels
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     out: Path = arguments.out
     _make_folder(out)
     bag = out / "input"
-    look = _write_bag(source, bag, arguments.frames)
+    look, left_out = _write_bag(source, bag, arguments.frames)
     if live:
         from room_layout_ros.commands.demo_live import run_live
 
@@ -75,7 +75,11 @@ def run(arguments: argparse.Namespace) -> int:
             mcap = run_offline(open_source(bag), out / "results", progress)
         notes = ()
     recording = read_recording(mcap)
-    print("\n".join(str(path) for path in _show(out, source, look, recording, mcap, bag, live, notes, arguments)))
+    print(
+        "\n".join(
+            str(path) for path in _show(out, source, look, recording, mcap, bag, live, (*left_out, *notes), arguments)
+        )
+    )
     return 0
 
 
@@ -123,25 +127,24 @@ class _Seen:
     labels: np.ndarray[tuple[int, ...], np.dtype[np.uint8]] | None
 
 
-def _write_bag(source: FrameSource, bag: Path, limit: int | None) -> dict[int, _Seen]:
-    """Write the frames as a rosbag2; return by stamp what the page will need of them."""
+def _write_bag(source: FrameSource, bag: Path, limit: int | None) -> tuple[dict[int, _Seen], tuple[str, ...]]:
+    """Write the frames as a rosbag2; return by stamp what the page will need of them, and what was left out."""
     seen: dict[int, _Seen] = {}
+    bad: list[BadFrame] = []
     what = "render and write bag" if source.title.startswith("synthetic") else "write bag"
     with progress_bar(what, source.length if limit is None else limit) as progress, BagWriter(bag) as writer:
-        for sample in _first(source, limit):
-            writer.write(sample)
-            seen[sample.frame.stamp_ns] = _seen(sample)
+        for item in islice(source, limit):
+            if isinstance(item, BadFrame):
+                bad.append(item)
+                continue
+            writer.write(item)
+            seen[item.frame.stamp_ns] = _seen(item)
             progress(len(seen))
     if not seen:
-        raise DataError(f"{source.title} holds no usable frame")
-    return seen
-
-
-def _first(source: FrameSource, limit: int | None) -> Iterator[Sample]:
-    for count, sample in enumerate(good_samples(source)):
-        if limit is not None and count >= limit:
-            return
-        yield sample
+        raise DataError(f"{source.title} holds no usable frame" + (f": {bad[0].name}: {bad[0].error}" if bad else ""))
+    if not bad:
+        return seen, ()
+    return seen, (f"{len(bad)} frames of the input could not be used; the first is {bad[0].name}: {bad[0].error}",)
 
 
 def _seen(sample: Sample) -> _Seen:
