@@ -149,6 +149,10 @@ class Bench:
         last = self.heard["/diagnostics"][-1:]
         return {s.name.split(": ")[1]: (s.level[0], s.message) for m in last for s in m.status}
 
+    def well(self, name: str) -> bool:
+        """Return whether the newest diagnosis of `name` is OK."""
+        return self.diagnosis()[name][0] == 0
+
     def said(self, name: str, *words: str) -> bool:
         """Return whether any diagnosis of `name` so far was an error or warning with all `words`."""
         return any(

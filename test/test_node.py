@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -88,7 +89,7 @@ def test_the_estimator_gets_the_same_frame_as_offline(bench: Bench, first: int) 
     assert frame.depth_m.tobytes() == offline.depth_m.tobytes()  # type: ignore[union-attr]
 
 
-BAD_COLOR = {
+BAD_COLOR: dict[str, tuple[dict[str, Any], str]] = {
     "f16_unknown_encoding": ({"encoding": "yuv422_yuy2"}, "has encoding 'yuv422_yuy2'; allowed are rgb8"),
     "f16_empty_encoding": ({"encoding": ""}, "has encoding ''"),
     "f16_huge_encoding": ({"encoding": "z" * 1_000_000}, "'" + "z" * 37 + "...'"),
@@ -118,7 +119,7 @@ def test_a_bad_colour_image_is_refused_in_a_sentence_and_the_next_pair_works(
     assert bench.health().published == published + 1
 
 
-BAD_DEPTH = {
+BAD_DEPTH: dict[str, tuple[dict[str, Any], str]] = {
     "f17_8UC1": ({"encoding": "8UC1"}, "has encoding '8UC1'; allowed are 16UC1, mono16, 32FC1"),
     "f17_colour_as_depth": ({"encoding": "rgb8"}, "has encoding 'rgb8'"),
     "f18_step_too_small": ({"step": 640}, "needs 1280"),
@@ -189,7 +190,7 @@ def test_f25_a_change_of_resolution_works_with_the_next_pair(bench: Bench, first
     info = camera_info(stamp_ns(first))
     info.width, info.height = 320, 240
     small = [encode_image(np.ascontiguousarray(a[::2, ::2]), stamp_ns(first), FRAME_ID) for a in (rgb, mm)]
-    bench.send(first, *small, info)
+    bench.send(first, small[0], small[1], info)
     bench.until(lambda: bench.labels_of(first))
     assert bench.labels_of(first)[0].width == 320
     bench.expect(first + 1)
@@ -325,9 +326,9 @@ def test_f01_f02_a_stream_that_stops_is_named_within_a_second_and_resumes() -> N
             for i in range(1, 25):
                 bench.send(i + (100 if name == "depth" else 0), **{stream: False})
                 bench.spin(0.05)
-            bench.until(lambda name=name: bench.said(f"input {name}", f"no {name} for"), 1.0)
+            bench.until(partial(bench.said, f"input {name}", f"no {name} for"), 1.0)
             bench.expect(50 if name == "colour" else 150)
-            bench.until(lambda name=name: bench.diagnosis()[f"input {name}"][0] == 0)
+            bench.until(partial(bench.well, f"input {name}"))
 
 
 def test_nobody_publishes_is_said_with_the_topic() -> None:

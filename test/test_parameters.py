@@ -1,0 +1,96 @@
+"""Parameters: one table for code, file, docs and `ros2 param describe`; changes are all or nothing (F33)."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from room_layout_ros import node_config
+from room_layout_ros.core.config import EstimatorConfig, parameters
+from room_layout_ros.node_config import NodeConfig, render_markdown, render_yaml
+
+ROWS = [row for _, table in node_config.TABLES for row in parameters(table)]
+
+
+def test_the_shipped_file_is_in_step_with_the_code(repository: Path) -> None:
+    assert (repository / "config" / "estimator.yaml").read_text("utf-8") == render_yaml(), (
+        "run: python -m room_layout_ros.node_config"
+    )
+
+
+def test_the_documented_tables_are_in_step_with_the_code(repository: Path) -> None:
+    page = (repository / "docs" / "parameters.md").read_text("utf-8")
+    assert page.partition(node_config.MARK)[2].strip() == render_markdown().strip(), (
+        "run: python -m room_layout_ros.node_config"
+    )
+
+
+def test_the_file_holds_every_parameter_at_its_default_with_its_type() -> None:
+    values = yaml.safe_load(render_yaml())["/**"]["ros__parameters"]
+    assert list(values) == [row.name for row in ROWS]
+    for row in ROWS:
+        assert values[row.name] == row.default
+        assert type(values[row.name]) is type(row.default)
+
+
+def test_names_are_used_once_and_each_has_a_meaning() -> None:
+    names = [row.name for row in ROWS]
+    assert len(names) == len(set(names))
+    assert all(row.meaning and re.fullmatch(r"[a-z][a-z0-9_]*", row.name) for row in ROWS)
+
+
+def test_settings_at_odds_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"max_stamp_gap is 0\.6 s; it must be below reset_gap, which is 0\.5 s"):
+        NodeConfig(max_stamp_gap=0.6)
+
+
+class TestRos:
+    """What rclpy sees."""
+
+    @pytest.fixture(autouse=True)
+    def _ros(self) -> None:
+        pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
+
+    @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+    def test_descriptors_say_meaning_and_range(self, row: Any) -> None:
+        from room_layout_ros.parameters import describe
+
+        descriptor = describe(row)
+        assert (descriptor.name, descriptor.description) == (row.name, row.meaning)
+        assert descriptor.read_only is not row.runtime
+        ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
+        if type(row.default) in (int, float) and row.low is not None and row.high is not None:
+            assert [(r.from_value, r.to_value) for r in ranges] == [(row.low, row.high)]
+        else:
+            assert ranges == []
+
+    def test_a_change_makes_a_new_value_and_leaves_the_rest(self) -> None:
+        from room_layout_ros.parameters import changed
+
+        old = EstimatorConfig()
+        new = changed(old, {"superpixel_count": 300, "max_stamp_gap": 0.1, "use_sim_time": True})
+        assert new == EstimatorConfig(superpixel_count=300)
+        assert old == EstimatorConfig()
+        assert changed(old, {"max_stamp_gap": 0.1}) is old
+
+    @pytest.mark.parametrize(
+        ("values", "reason"),
+        (
+            ({"max_stamp_gap": 2.0}, "allowed is 0.0 to 1.0"),
+            ({"max_stamp_gap": float("nan")}, "nan"),
+            ({"max_stamp_gap": "x"}, "must be of type float"),
+            ({"queue_size": 3.5}, "must be of type int"),
+            ({"queue_size": True}, "must be of type int"),
+            ({"diagnostics_period": 2.0}, "fixed after the start"),
+            ({"queue_size": 5, "max_stamp_gap": 0.9}, "below reset_gap"),
+        ),
+    )
+    def test_f33_what_is_wrong_is_refused_with_the_reason(self, values: dict[str, Any], reason: str) -> None:
+        from room_layout_ros.parameters import changed
+
+        with pytest.raises(ValueError, match=re.escape(reason)):
+            changed(NodeConfig(), values)

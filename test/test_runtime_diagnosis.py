@@ -1,0 +1,125 @@
+"""From counters to words: each fault names its cause, its place and its cure; nothing wrong, nothing said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from room_layout_ros.runtime.diagnosis import Finding, InputFacts, Level, NodeFacts, diagnose
+from room_layout_ros.runtime.health import Health, StreamHealth
+from room_layout_ros.runtime.pairing import COLOR, DEPTH
+from room_layout_ros.runtime.session import CAMERA
+
+TOPICS = {COLOR: "/rgb", DEPTH: "/depth", CAMERA: "/info"}
+FACTS = NodeFacts(inputs={s: InputFacts(t, publishers=1) for s, t in TOPICS.items()}, listening_s=60.0)
+FLOWING = StreamHealth(received=300, paired=300, rate_hz=30.0, silence_s=0.02)
+HEALTHY = Health(
+    streams=dict.fromkeys(TOPICS, FLOWING), made=300, published=300, rate_hz=30.0, silence_s=0.02, latency_p50_ms=20.0
+)
+BEFORE = replace(HEALTHY, made=270, published=270)
+
+
+def findings(health: Health = HEALTHY, before: Health = BEFORE, facts: NodeFacts = FACTS) -> dict[str, Finding]:
+    return {finding.name: finding for finding in diagnose(health, before, facts)}
+
+
+def with_stream(stream: str, **changes: Any) -> Health:
+    return replace(HEALTHY, streams={**HEALTHY.streams, stream: replace(FLOWING, **changes)})
+
+
+def with_input(stream: str, **changes: Any) -> NodeFacts:
+    return replace(FACTS, inputs={**FACTS.inputs, stream: replace(FACTS.inputs[stream], **changes)})
+
+
+def test_a_healthy_node_says_so() -> None:
+    found = findings()
+    assert list(found) == ["input colour", "input depth", "input camera_info", "estimates"]
+    assert {f.level for f in found.values()} == {Level.OK}
+    assert found["estimates"].message == "30.0 estimates per second, 20 ms each"
+
+
+@pytest.mark.parametrize(("stream", "name"), ((COLOR, "colour"), (DEPTH, "depth")))
+def test_silence_names_the_stream_its_topic_and_the_publishers(stream: str, name: str) -> None:
+    health = with_stream(stream, silence_s=7.2)
+    found = findings(health)[f"input {name}"]
+    assert (found.level, found.message) == (Level.ERROR, f"no {name} for 7 s on {TOPICS[stream]}; 1 publisher(s) seen")
+    nobody = findings(health, facts=with_input(stream, publishers=0))[f"input {name}"]
+    assert nobody.message.endswith("nobody publishes it")
+
+
+def test_silence_counts_from_the_subscription() -> None:
+    health = with_stream(COLOR, silence_s=float("inf"))
+    assert findings(health, facts=replace(FACTS, listening_s=2.0))["input colour"].level == Level.OK
+    assert findings(health, facts=replace(FACTS, listening_s=9.0))["input colour"].message.startswith(
+        "no colour for 9 s"
+    )
+
+
+def test_a_latched_camera_info_may_be_silent() -> None:
+    assert findings(with_stream(CAMERA, silence_s=900.0, paired=1))["input camera_info"].level == Level.OK
+    assert findings(with_stream(CAMERA, silence_s=900.0, paired=0))["input camera_info"].level == Level.ERROR
+
+
+def test_a_refusal_is_quoted_with_its_count() -> None:
+    health = with_stream(DEPTH, received=310, refused={"bad image": 3}, last_refusal="step 0")
+    found = findings(health)["input depth"]
+    assert (found.level, found.message) == (Level.ERROR, "3 of 10 messages refused: step 0")
+    assert found.values["refused: bad image"] == "3"
+    assert findings(health, before=health)["input depth"].level == Level.OK, "over when no more come"
+
+
+def test_lost_messages_name_the_cure() -> None:
+    found = findings(with_stream(COLOR, lost=12), facts=replace(FACTS, profile="/x/fastdds.xml"))["input colour"]
+    assert found.level == Level.WARN
+    assert "12 colour messages lost" in found.message
+    assert "FASTRTPS_DEFAULT_PROFILES_FILE=/x/fastdds.xml" in found.message
+
+
+def test_a_clash_of_qos_names_topic_and_policy() -> None:
+    found = findings(facts=with_input(DEPTH, qos_clash="RELIABILITY"))["input depth"]
+    assert found.level == Level.ERROR
+    assert "/depth" in found.message
+    assert "RELIABILITY" in found.message
+
+
+def test_two_publishers_are_a_warning() -> None:
+    found = findings(facts=with_input(COLOR, publishers=2))["input colour"]
+    assert (found.level, found.message) == (Level.WARN, "2 publishers on /rgb; there should be one")
+
+
+def test_streams_that_do_not_meet_are_explained_only_while_both_arrive() -> None:
+    apart = replace(HEALTHY, made=270, published=270, silence_s=8.0)
+    found = findings(apart, replace(BEFORE))["estimates"]
+    assert found.level == Level.ERROR
+    assert "max_stamp_gap = 20 ms" in found.message
+    silent = replace(apart, streams={**apart.streams, COLOR: replace(FLOWING, silence_s=8.0)})
+    assert findings(silent, BEFORE)["estimates"].level == Level.OK
+
+
+def test_dropped_frames_are_an_error_but_being_slower_than_the_camera_is_none() -> None:
+    slow = replace(HEALTHY, dropped={"newer frame": 500})
+    assert findings(slow)["estimates"].level == Level.OK
+    broken = replace(HEALTHY, dropped={"error": 2}, last_drop="RuntimeError in the estimator: boom")
+    found = findings(broken)["estimates"]
+    assert (found.level, found.message) == (Level.ERROR, "2 frames dropped: RuntimeError in the estimator: boom")
+
+
+def test_frames_without_an_estimate_name_the_status() -> None:
+    found = findings(replace(HEALTHY, no_estimate={"no depth": 4}, published=271))["estimates"]
+    assert (found.level, found.message) == (Level.WARN, "4 frames without an estimate (no depth), 1 with")
+
+
+@pytest.mark.parametrize("state", ("warming up", "idle: nobody listens to an output", "waiting for /clock"))
+def test_a_state_that_is_meant_is_no_fault(state: str) -> None:
+    quiet = replace(HEALTHY, streams=dict.fromkeys(TOPICS, StreamHealth()))
+    found = findings(quiet, facts=replace(FACTS, state=state))
+    assert {(f.level, f.message) for f in found.values()} == {(Level.OK, state)}
+
+
+def test_a_stream_that_is_not_used_is_not_missed() -> None:
+    health = with_stream(COLOR, silence_s=float("inf"), received=0, paired=0)
+    found = findings(health, facts=with_input(COLOR, wanted=False, publishers=0))
+    assert found["input colour"].level == Level.OK
+    assert found["estimates"].level == Level.OK
