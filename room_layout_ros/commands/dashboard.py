@@ -1,0 +1,109 @@
+"""A page in the browser that shows rooms as they are estimated: overlay, 3-D, from above, timings.
+
+With INPUT (frames folder, rosbag2, NYU .mat) the frames are estimated here, in their own time. Without it the page
+shows what a running `estimator` node publishes. The page is served to this machine alone. Ctrl-C ends it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+from room_layout_ros.commands.dashboard_server import HOST, Board, Room, serve
+from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
+from room_layout_ros.core.estimate import RoomEstimate
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.core.labels import LABEL_NAMES
+from room_layout_ros.core.picture import draw_overlay
+from room_layout_ros.core.tracking import TemporalPrior, next_prior
+from room_layout_ros.datasets import DataError, FrameSource, good_samples
+from room_layout_ros.datasets.images import encode_image
+from room_layout_ros.evaluation.top_down import draw_top_down
+
+DEFAULT_PORT = 8641
+_JPEG_QUALITY = 85
+_LONGEST_WAIT_S = 2.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `dashboard`."""
+    parser.add_argument("input", type=Path, nargs="?", metavar="INPUT", help="default: listen to the running node")
+    parser.add_argument(
+        "--port", type=int, default=DEFAULT_PORT, help=f"of the page, 0 takes a free one ({DEFAULT_PORT})"
+    )
+    parser.add_argument("--loop", action="store_true", help="start again at the end of the input")
+    parser.add_argument("--seconds", type=float, metavar="S", help="end after this time (default: Ctrl-C)")
+    parser.add_argument("--node", default="/estimator", metavar="NAME", help="node to listen to (default /estimator)")
+    add_topic_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Serve the page until interrupted."""
+    if not 0 <= arguments.port <= 65535:
+        raise DataError(f"--port is {arguments.port}; allowed is 0 to 65535")
+    end = float("inf") if arguments.seconds is None else time.monotonic() + arguments.seconds
+    source = None if arguments.input is None else open_with_topics(arguments.input, arguments)
+    board = Board(f"node {arguments.node}" if source is None else source.title)
+    server = serve(board, arguments.port)
+    print(f"http://{HOST}:{server.server_address[1]}/", flush=True)
+    try:
+        if source is None:
+            from room_layout_ros.commands.dashboard_live import listen
+
+            listen(board, arguments.node, end)
+        else:
+            show_source(board, source, end, arguments.loop)
+            while time.monotonic() < end:  # the last room stays on show
+                time.sleep(min(0.2, max(0.0, end - time.monotonic())))
+    except KeyboardInterrupt:
+        pass
+    finally:
+        server.shutdown()
+        server.server_close()
+    return 0
+
+
+def show_source(board: Board, source: FrameSource, end: float, loop: bool = False) -> None:
+    """Estimate the frames in the time of their stamps, or as fast as it goes, and show each.
+
+    Raises
+    ------
+    DataError
+        When there is no usable frame.
+    """
+    estimator = LayoutEstimator()
+    while True:
+        prior, shown, begun, first_ns = TemporalPrior(), 0, time.monotonic(), 0
+        for sample in good_samples(source):
+            if time.monotonic() > end:
+                return
+            frame = sample.frame
+            if shown == 0:
+                first_ns = frame.stamp_ns
+            due = begun + (frame.stamp_ns - first_ns) * 1e-9
+            time.sleep(min(max(0.0, due - time.monotonic()), _LONGEST_WAIT_S))
+            estimate = estimator.estimate(frame, prior)
+            prior = next_prior(estimate)
+            board.show(room_of(frame, estimate))
+            shown += 1
+        if not shown:
+            raise DataError(f"{source.title} holds no usable frame")
+        if not loop:
+            return
+
+
+def room_of(frame: RgbdFrame, estimate: RoomEstimate) -> Room:
+    """Return what the page shows of a frame and its estimate."""
+    unit = " m" if estimate.metric else ""
+    faces = {LABEL_NAMES[p.face]: f"{p.distance:.2f}{unit}" for p in estimate.polygons}
+    plan = b"" if frame.depth_m is None else encode_image(".jpg", draw_top_down(frame, estimate), _JPEG_QUALITY)
+    return Room(
+        name=frame.name or str(frame.stamp_ns),
+        overlay=encode_image(".jpg", draw_overlay(frame, estimate), _JPEG_QUALITY),
+        plan=plan,
+        polygons=[(p.face, p.points_m.round(4).tolist()) for p in estimate.polygons],
+        numbers={"status": estimate.status.value, "confidence": f"{estimate.confidence:.2f}", **faces},
+        stages={stage: round(ms, 2) for stage, ms in estimate.timings_ms.items()},
+    )
