@@ -57,7 +57,11 @@ def random_problem(
         relation=relation,
         smoothness=np.column_stack([np.ones(len(edges)), rng.uniform(size=(len(edges), 2))]),
         profiles=profiles if with_depth else None,
-        fit=PlaneFit(np.where(rng.uniform(size=(nodes, 1)) < 0.2, np.nan, rng.uniform(-0.5, 4.0, (nodes, 5))), rng.uniform(size=(nodes, 5)), np.full(nodes, 0.1))
+        fit=PlaneFit(
+            np.where(rng.uniform(size=(nodes, 1)) < 0.2, np.nan, rng.uniform(-0.5, 4.0, (nodes, 5))),
+            rng.uniform(size=(nodes, 5)),
+            np.full(nodes, 0.1),
+        )
         if with_depth
         else None,
         front_axis=0.2,

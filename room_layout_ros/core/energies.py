@@ -20,8 +20,8 @@ from .integral_geometry import CellCounts, PairTables, face_counts, pair_tables
 from .labelling import LabelProblem
 from .labels import FRONT_WALL, N_FACES, N_LABELS
 from .layout_search import Layout
-from .ray_grid import N_SIDES, SIDE_FACE
 from .plane_fit import N_FIT, PlaneFit, curve_at
+from .ray_grid import N_SIDES, SIDE_FACE
 from .weights import BLOCKS, N_FEATURES, SLICES, ModelWeights, physical_table
 
 N_LAYOUT_FEATURES = 11
@@ -164,7 +164,9 @@ class PlaneCosts:
         """Return the cost of one layout at scale number c."""
         return float(self.constant[c] + sum(side[c, state] for side, state in zip(self.sides, layout, strict=True)))
 
-    def unaries(self, c: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def unaries(
+        self, c: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return the costs of the four sides' states at scale number c."""
         ceiling, floor, left, right = self.sides
         return ceiling[c], floor[c], left[c], right[c]

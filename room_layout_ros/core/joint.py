@@ -321,8 +321,8 @@ class _Alternation:
 def best_layout(tables: PairTables, planes: PlaneCosts, known: tuple[Layout, int] | None = None) -> _Placed:
     """Return the exact minimum over layouts and scales.
 
-    Scales whose lower bound is no better than the best so far are not searched; `known`, the layout before, is kept unless
-    another is better.
+    Scales whose lower bound is no better than the best so far are not searched; `known`, the layout before, is kept
+    unless another is better.
     """
     least = planes.least
     lowest = search_layout(tables).energy

@@ -1,8 +1,8 @@
 """Metric agreement of labels and layout: does a superpixel lie on the plane of the face it is labelled as?
 
-Beyond the paper, whose compatibility only counts pixels. For a superpixel labelled face k the term depends on the offset of
-plane k alone: with the layout fixed it is a unary term of the labels, with the labels fixed a unary term of the rays, so
-both half steps of the alternation stay as they are.
+Beyond the paper, whose compatibility only counts pixels. For a superpixel labelled face k the term depends on the
+offset of plane k alone: with the layout fixed it is a unary term of the labels, with the labels fixed a unary term of
+the rays, so both half steps of the alternation stay as they are.
 
 All values are linear interpolations over the offsets of `depth_profiles`, so that both half steps see the same energy.
 """
@@ -53,7 +53,7 @@ class PlaneFit:
     def curves(
         self, labels: NDArray[np.int64], area: NDArray[np.float64], weights: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the cost of the labels (K,) as a function of each plane's offset: (5, n), and where it is absent (5,)."""
+        """Return the cost of the labels (K,) as a function of each plane's offset: (5, n), and where it is absent (5,)."""  # noqa: E501
         return _curves(self.offset, self.agreement, self.tolerance, OFFSETS, labels, area, weights)
 
     def least(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
