@@ -116,7 +116,7 @@ class Forest:
             )
         )
 
-    def to_arrays(self, prefix: str = "") -> dict[str, NDArray[np.generic]]:
+    def to_arrays(self, prefix: str = "") -> dict[str, NDArray[Any]]:
         """Return the arrays by name, for `numpy.savez`."""
         return {prefix + name: getattr(self, name) for name, _ in _FIELDS}
 

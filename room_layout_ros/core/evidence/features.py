@@ -87,9 +87,10 @@ def _position(
     camera: CameraIntrinsics,
 ) -> Columns:
     n = np.maximum(sums[:, ps.COUNT], 1.0)
-    x, y = sums[:, ps.PX] / n, sums[:, ps.PY] / n
-    vx, vy = sums[:, ps.PXX] / n - x * x, sums[:, ps.PYY] / n - y * y
-    vxy = sums[:, ps.PXY] / n - x * y
+    x, y = superpixels.center_px.astype(np.float64).T
+    mx, my = sums[:, ps.PX] / n, sums[:, ps.PY] / n
+    vx, vy = sums[:, ps.PXX] / n - mx * mx, sums[:, ps.PYY] / n - my * my
+    vxy = sums[:, ps.PXY] / n - mx * my
     root = np.sqrt(np.maximum((vx - vy) ** 2 / 4 + vxy**2, 0.0))
     major, minor = (vx + vy) / 2 + root, np.maximum((vx + vy) / 2 - root, 1e-3)
     ray = np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones_like(x)], 1) @ R.T

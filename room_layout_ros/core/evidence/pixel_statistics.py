@@ -58,7 +58,7 @@ def sum_pixels(
     R_room_camera: NDArray[np.float64],
     camera: CameraIntrinsics,
 ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Return (sums (K, 31) float64, bounds (K, 10) float32); what is not given leaves its columns 0 (or inverted)."""
+    """Return (sums (K, 31) float64, bounds (K, 10) float32); what is not given leaves its columns 0, bounds NaN."""
     lab = np.zeros((1, 1, 3), np.uint8)
     top = bottom = left = right = 0
     if color is not None:
@@ -68,7 +68,10 @@ def sum_pixels(
     w = np.zeros((1, 1), np.float32) if inverse_depth is None else inverse_depth
     faces = np.zeros((1, 1), np.uint8) if orientation is None else orientation
     matrix = np.ascontiguousarray(R_room_camera @ np.linalg.inv(camera.matrix))
-    return _sum(index, count, lab, color is not None, np.array([top, bottom, left, right]), w, faces, matrix)
+    border = np.array([top, bottom, left, right])
+    sums, bounds = _sum(index, count, lab, color is not None, border, w, faces, matrix)
+    bounds[~np.isfinite(bounds)] = np.nan  # nothing of the superpixel was looked at
+    return sums, bounds
 
 
 @njit(cache=True, nogil=True)

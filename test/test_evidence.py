@@ -1,0 +1,215 @@
+"""Orientation maps, depth cues, features and the context model against truth and naive twins."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import naive_evidence as naive
+import numpy as np
+import pytest
+
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.evidence import pictures
+from room_layout_ros.core.evidence.depth_cues import compute_depth_cues, superpixel_planes
+from room_layout_ros.core.evidence.features import SuperpixelFeatures, compute_superpixel_features
+from room_layout_ros.core.evidence.geometric_context import (
+    ContextModel,
+    compute_geometric_context,
+    load_context,
+    save_context,
+)
+from room_layout_ros.core.evidence.orientation_map import compute_orientation_map, orientation_channels
+from room_layout_ros.core.evidence.pixel_statistics import MEASURED, X, Z, sum_pixels
+from room_layout_ros.core.forest import Forest
+from room_layout_ros.core.frame import CameraIntrinsics
+from room_layout_ros.core.layout import RoomCuboid
+from room_layout_ros.core.lines import LineSegments, classify_segments
+from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
+from room_layout_ros.core.vanishing_points import _rotation
+from room_layout_ros.core.weights import WeightsError
+
+CAMERA = CameraIntrinsics(160, 120, 130.0, 130.0, 80.0, 60.0)
+CONFIG = EstimatorConfig(superpixel_count=60)
+R = _rotation(0.12, 0.02, 0.35)
+Scene = tuple[np.ndarray, np.ndarray, np.ndarray, Superpixels]
+ROOM = RoomCuboid(R, np.array([1.1, 0.8, 1.6, 2.8, 2.1]))
+
+
+def _room_lines() -> LineSegments:
+    """The twelve edges of the room, cut to the view."""
+    c, f, left, front, right = ROOM.distances
+    corners = np.array([[x, y, z] for x in (-left, right) for y in (-c, f) for z in (-1.0, front)])
+    points = []
+    for i in range(8):
+        for j in range(i + 1, 8):
+            if (corners[i] != corners[j]).sum() != 1:
+                continue
+            line = corners[i] + np.linspace(0, 1, 400)[:, None] * (corners[j] - corners[i])
+            p = line @ R
+            p = p[p[:, 2] > 0.05]
+            q = p[:, :2] / p[:, 2:] * [CAMERA.fx, CAMERA.fy] + [CAMERA.cx, CAMERA.cy]
+            q = q[(q >= 0).all(axis=1) & (q[:, 0] <= 159) & (q[:, 1] <= 119)]
+            if len(q) > 3:
+                points.append([*q[0], *q[-1]])
+    return LineSegments(np.array(points, np.float32))
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    faces, depth = ROOM.raster(CAMERA), ROOM.depth(CAMERA)
+    inverse = (1.0 / depth).astype(np.float32)
+    grain = np.random.default_rng(1).integers(0, 8, (120, 160, 1))
+    color = (np.stack([faces * 40] * 3, axis=-1) + grain).astype(np.uint8)
+    return faces, inverse, color, compute_superpixels(color, inverse, CONFIG)
+
+
+def test_edges_of_an_empty_room_give_its_faces() -> None:
+    lines = _room_lines()
+    orientation = compute_orientation_map(lines, classify_segments(lines, R, CAMERA), R, CAMERA)
+    named = orientation > 0
+    assert named.mean() > 0.4
+    assert (orientation == ROOM.raster(CAMERA))[named].mean() > 0.97
+
+
+def test_sweeps_agree_with_looking_at_exact_segments(rng: np.random.Generator) -> None:
+    ends = rng.uniform(5, [155, 115], (40, 2))
+    kind = rng.integers(0, 3, 40).astype(np.int8)
+    points = []
+    for p, k in zip(ends, kind, strict=True):
+        v = CAMERA.matrix @ R[k]
+        direction = v[:2] - v[2] * p
+        points.append([*p, *(p + direction / np.linalg.norm(direction) * rng.uniform(8, 30))])
+    lines = LineSegments(np.array(points, np.float32))
+    orientation = compute_orientation_map(lines, kind, R, CAMERA)
+    pixels = rng.integers(4, [156, 116], (400, 2))
+    exact = [naive.orientation_at(p.astype(float) + 0.01, lines.points, kind, R, CAMERA) for p in pixels]
+    agree = orientation[pixels[:, 1], pixels[:, 0]] == np.array(exact)
+    assert agree.mean() > 0.88  # the rest lies within a pixel of a segment or its shadow
+
+
+def test_orientation_channels_are_one_hot() -> None:
+    channels = orientation_channels(np.array([[0, 3], [5, 1]], np.uint8))
+    assert channels.shape == (2, 2, 5)
+    assert channels.sum() == 3
+    assert channels[1, 0, 4] == 1
+
+
+def test_no_lines_leave_the_map_open_and_wrong_counts_are_refused() -> None:
+    empty = LineSegments(np.empty((0, 4), np.float32))
+    assert not compute_orientation_map(empty, np.empty(0, np.int8), R, CAMERA).any()
+    with pytest.raises(ValueError, match="1 line classes"):
+        compute_orientation_map(empty, np.zeros(1, np.int8), R, CAMERA)
+
+
+def test_depth_cues_of_an_empty_room_are_exact(scene: Scene) -> None:
+    faces, _, _, superpixels = scene
+    cues = compute_depth_cues(superpixels, R, CAMERA)
+    assert cues.shape == (superpixels.count, 12)
+    assert (cues[:, 6:] >= 0).all()
+    for i in range(superpixels.count):
+        inside = np.unique(faces[superpixels.index == i])
+        if len(inside) == 1 and superpixels.pixels[i] > 100:
+            k = int(inside[0]) - 1
+            assert cues[i, k] > np.cos(np.deg2rad(3.0))
+            assert cues[i, 6 + k] < 0.1
+
+
+def test_planes_of_superpixels_are_metric(scene: Scene) -> None:
+    faces, _, _, superpixels = scene
+    normal, distance, centroid = superpixel_planes(superpixels, CAMERA)
+    x, y = np.rint(superpixels.center_px).astype(int).T
+    for i in np.flatnonzero(superpixels.pixels > 100):
+        if len(np.unique(faces[superpixels.index == i])) == 1:
+            assert distance[i] == pytest.approx(ROOM.distances[faces[y[i], x[i]] - 1], rel=0.02)
+            assert normal[i] @ centroid[i] == pytest.approx(distance[i], rel=1e-6)
+
+
+def test_sums_over_pixels_equal_the_naive_ones(scene: Scene) -> None:
+    _, inverse, color, superpixels = scene
+    sums, bounds = sum_pixels(superpixels.index, superpixels.count, color, inverse, None, R, CAMERA)
+    truth = naive.room_sums(superpixels.index, superpixels.count, inverse, R, CAMERA)
+    assert np.array_equal(sums[:, MEASURED], truth[:, 0])
+    assert np.allclose(sums[:, X : Z + 1], truth[:, 1:], rtol=1e-4, atol=2e-2)
+    seen = sums[:, 0] > 0
+    assert (bounds[seen, 1] >= bounds[seen, 0]).all()
+    assert np.isnan(bounds[~seen]).all()
+
+
+def test_features_know_where_a_face_is(scene: Scene) -> None:
+    faces, inverse, color, superpixels = scene
+    features = compute_superpixel_features(superpixels, color, inverse, R, CAMERA)
+    table = dict(zip(features.names, features.values.T, strict=True))
+    of = np.array([np.bincount(faces[superpixels.index == i], minlength=6).argmax() for i in range(superpixels.count)])
+    floor = of == 2
+    assert floor.any()
+    assert np.nanmedian(table["to_floor"][floor]) < 0.05
+    assert np.nanmedian(table["cos_y"][floor]) > 0.99
+    assert np.nanmax(table["behind_plane"]) < 0.05  # nothing lies behind the walls of an empty room
+
+
+def test_columns_depend_on_depth_only_and_missing_colour_is_nan(scene: Scene) -> None:
+    _, inverse, color, superpixels = scene
+    both = compute_superpixel_features(superpixels, color, inverse, R, CAMERA)
+    no_color = compute_superpixel_features(superpixels, None, inverse, R, CAMERA)
+    rgb = compute_superpixel_features(superpixels, color, None, R, CAMERA)
+    assert both.names == no_color.names
+    assert set(rgb.names) < set(both.names)
+    assert np.isnan(no_color.values[:, no_color.names.index("L")]).all()
+    assert len(set(both.names)) == len(both.names)
+
+
+def _model(names: tuple[str, ...]) -> ContextModel:
+    def stump(feature: int, values: tuple[float, float], outputs: int, output: int) -> Forest:
+        return Forest(
+            np.array([feature, -1, -1], np.int16),
+            np.array([0.5, *values], np.float32),
+            np.array([True, False, False]),
+            np.array([1, 0, 0], np.int16),
+            np.array([2, 0, 0], np.int16),
+            np.array([0], np.int32),
+            np.array([output], np.int16),
+            np.zeros(outputs, np.float32),
+        )
+
+    return ContextModel(names, stump(0, (-4.0, 4.0), 1, 0), stump(1, (3.0, -3.0), 5, 1), {"note": "stumps"})
+
+
+def test_context_is_a_distribution_with_columns_found_by_name(tmp_path: Path) -> None:
+    model = _model(("a", "b"))
+    values = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [np.nan, np.nan]], np.float32)
+    context = compute_geometric_context(SuperpixelFeatures(values, ("a", "b")), model)
+    swapped = compute_geometric_context(SuperpixelFeatures(values[:, ::-1].copy(), ("b", "a")), model)
+    assert np.array_equal(context, swapped)
+    assert np.allclose(context.sum(axis=1), 1.0)
+    assert context[0, 5] > 0.9
+    assert context[2, 1] > 0.7
+    save_context(model, tmp_path / "c.npz")
+    again = load_context(tmp_path / "c.npz")
+    assert again.card["note"] == "stumps"
+    assert np.array_equal(compute_geometric_context(SuperpixelFeatures(values, ("a", "b")), again), context)
+
+
+def test_damaged_or_foreign_context_files_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "c.npz"
+    with pytest.raises(WeightsError):
+        load_context(path)
+    save_context(_model(("a", "b")), path)
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    with pytest.raises(WeightsError):
+        load_context(path)
+    with pytest.raises(ValueError, match="feature b"):
+        compute_geometric_context(SuperpixelFeatures(np.zeros((2, 1), np.float32), ("a",)), _model(("a", "b")))
+
+
+def test_pictures_have_the_size_of_the_image(scene: Scene) -> None:
+    _, _, color, superpixels = scene
+    lines = _room_lines()
+    context = np.eye(6)[np.arange(superpixels.count) % 6]
+    classes = classify_segments(lines, R, CAMERA)
+    assert pictures.draw_lines(color, lines, classes).shape == color.shape
+    assert not np.array_equal(pictures.draw_lines(color, lines, classes), color // 2)
+    assert pictures.draw_orientation(None, np.full((120, 160), 2, np.uint8))[0, 0].tolist() == [90, 200, 90]
+    assert pictures.draw_context(color, superpixels, context).shape == color.shape
+    assert pictures.draw_context_channel(superpixels, context, 6).max() == 255
+    assert pictures.draw_depth_cues(superpixels, np.zeros((superpixels.count, 12))).shape == (240, 960, 3)
