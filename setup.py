@@ -19,7 +19,7 @@ EXTRAS = {
     "playback": ["rosbags>=0.11", "tqdm>=4.66"],
     "datasets": ["h5py>=3.10"],
     "train": ["scikit-learn>=1.4", "joblib>=1.3", "dask[distributed]>=2024.1", "tqdm>=4.66"],
-    "viz": ["matplotlib>=3.6", "pillow>=10", "rerun-sdk>=0.22", "tqdm>=4.66"],
+    "viz": ["matplotlib>=3.6", "pillow>=10", "rerun-sdk>=0.23", "tqdm>=4.66"],
     "bench": ["scikit-image>=0.22", "psutil>=5.9"],
     "test": ["pytest>=7.4", "hypothesis>=6.98", "psutil>=5.9"],
     "dev": [
