@@ -72,6 +72,8 @@ class EstimatorConfig:
 
     use_color: bool = _p(True, "use the colour image (false: depth-only operation)")
     use_depth: bool = _p(True, "use the depth image (false: the paper's RGB variant)")
+    method: str = _p("joint", "joint: the learned joint model; depth: the simple depth estimator (a baseline)", "", None, None, ("joint", "depth"))
+    axes_hypotheses: int = _p(2, "namings and triples of the axes that the joint energy chooses from", "", 1, 8)
     min_depth_m: float = _p(0.2, "nearer measurements are ignored", "m", 0.0, 5.0)
     max_depth_m: float = _p(12.0, "farther measurements are ignored", "m", 1.0, 100.0)
     min_valid_depth: float = _p(0.02, "below this share of measured pixels the status is NO_DEPTH", "", 0.0, 1.0)

@@ -9,6 +9,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from .frame import RgbdFrame
+from .labels import N_FACES
 from .layout import FacePolygon, RoomCuboid
 
 
@@ -61,3 +63,25 @@ class RoomEstimate:
     stamp_ns: int = 0
     frame_id: str = ""
     name: str = ""
+
+
+def no_estimate(status: Status, frame: RgbdFrame, timings_ms: Mapping[str, float]) -> RoomEstimate:
+    """Return the answer where there is none: empty images and the reason."""
+    size = (frame.camera.height, frame.camera.width)
+    return RoomEstimate(
+        status=status,
+        layout=np.zeros(size, np.uint8),
+        labels=np.zeros(size, np.uint8),
+        furniture=np.zeros(size, np.uint8),
+        superpixels=np.zeros(size, np.int32),
+        R_room_camera=np.eye(3),
+        axes_confidence=0.0,
+        confidence=0.0,
+        face_confidence=np.zeros(N_FACES),
+        cuboid=None,
+        polygons=(),
+        timings_ms=timings_ms,
+        stamp_ns=frame.stamp_ns,
+        frame_id=frame.frame_id,
+        name=frame.name,
+    )

@@ -1,0 +1,83 @@
+"""All evidence of one frame: what each superpixel looks like, and what that says under each naming of the axes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .context_naming import rename_walls
+from .evidence.depth_cues import compute_depth_cues
+from .evidence.features import SuperpixelFeatures, compute_superpixel_features
+from .evidence.orientation_map import compute_orientation_map
+from .frame import CameraIntrinsics
+from .joint_problem import FrameEvidence
+from .lines import LineSegments, classify_segments
+from .manhattan import ManhattanFrame
+from .superpixels import Superpixels
+
+
+def describe_superpixels(
+    superpixels: Superpixels,
+    color: NDArray[np.uint8] | None,
+    inverse_depth: NDArray[np.float32] | None,
+    axes: ManhattanFrame,
+    camera: CameraIntrinsics,
+    segments: LineSegments | None,
+) -> tuple[SuperpixelFeatures, NDArray[np.uint8] | None]:
+    """Features of the superpixels under the first naming of the axes, and the orientation map they use.
+
+    Returns
+    -------
+    features : SuperpixelFeatures
+    orientation : (H, W) uint8 or None
+        Orientation map; None without colour.
+    """
+    R = axes.R_room_camera
+    line_class = None if segments is None else classify_segments(segments, R, camera)
+    orientation = None if segments is None or line_class is None else compute_orientation_map(segments, line_class, R, camera)
+    features = compute_superpixel_features(
+        superpixels, color, inverse_depth, R, camera, segments, line_class, orientation
+    )
+    return features, orientation
+
+
+def gather_hypotheses(
+    superpixels: Superpixels,
+    axes: ManhattanFrame,
+    camera: CameraIntrinsics,
+    context: NDArray[np.float64],
+    orientation: NDArray[np.uint8] | None,
+    with_depth: bool,
+    count: int,
+) -> tuple[FrameEvidence, ...]:
+    """Evidence under each of the first `count` namings of the axes.
+
+    Parameters
+    ----------
+    context : (K, 6) float64
+        Geometric context under `axes.R_room_camera`; walls are renamed for the others.
+    orientation : (H, W) uint8 or None
+        Orientation map under `axes.R_room_camera`; renamed likewise.
+    """
+    hypotheses = []
+    for R in axes.hypotheses[:count]:
+        hypotheses.append(
+            FrameEvidence(
+                R_room_camera=R,
+                orientation=None if orientation is None else _rename_image(orientation, axes.R_room_camera, R),
+                context=rename_walls(context, axes.R_room_camera, R),
+                depth_cues=compute_depth_cues(superpixels, R, camera) if with_depth else None,
+            )
+        )
+    return tuple(hypotheses)
+
+
+def _rename_image(
+    orientation: NDArray[np.uint8], R_from: NDArray[np.float64], R_to: NDArray[np.float64]
+) -> NDArray[np.uint8]:
+    one_hot = np.eye(6)  # rows: faces 1..5 as labels 0..4, and nothing
+    renamed = rename_walls(one_hot, R_from, R_to)
+    table = np.zeros(6, np.uint8)
+    table[1:] = [int(np.argmax(row)) + 1 for row in renamed[:5]]
+    table[table == 6] = 0
+    return table[orientation]
