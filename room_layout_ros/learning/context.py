@@ -14,6 +14,7 @@ from ..core.config import EstimatorConfig
 from ..core.evidence.features import SuperpixelFeatures
 from ..core.evidence.geometric_context import ContextModel, compute_geometric_context, save_context
 from ..core.forest import Forest
+from ..core.furniture import FURNITURE_IDS, FurnitureModel
 from ..core.labels import N_FACES, N_LABELS
 from ..core.layout import RoomCuboid
 from ..datasets.folder import FramesFolder
@@ -189,3 +190,33 @@ def label_error(table: ContextTable, probability: NDArray[np.float64], rows: NDA
     chosen = probability[known].argmax(axis=1) + 1
     labels = table.labels[known]
     return float(1.0 - labels[np.arange(len(labels)), chosen].sum() / labels[:, 1:].sum())
+
+
+def grow_furniture(
+    table: ContextTable, rows: NDArray[np.bool_], trees: int = 40, leaves: int = 16, seed: int = 0
+) -> FurnitureModel:
+    """Grow the furniture forest on the clutter superpixels among the rows."""
+    from sklearn.ensemble import HistGradientBoostingClassifier
+
+    structural = table.structure / np.maximum(table.pixels, 1.0)
+    use = rows & (structural < 0.5) & (table.pixels > 50)
+    counts = furniture_counts(table)
+    classifier = HistGradientBoostingClassifier(
+        max_iter=trees,
+        learning_rate=0.15,
+        max_leaf_nodes=leaves,
+        min_samples_leaf=40,
+        l2_regularization=2.0,
+        max_bins=63,
+        max_features=0.3,
+        early_stopping=False,
+        random_state=seed,
+    ).fit(table.features[use], counts[use].argmax(axis=1), sample_weight=table.pixels[use] / 1500.0)
+    return FurnitureModel(table.names, export_forest(classifier, counts.shape[1]))
+
+
+def furniture_counts(table: ContextTable) -> NDArray[np.float32]:
+    """(n, 7) float32 pixels of the six furniture classes and of other clutter."""
+    named = table.classes[:, list(FURNITURE_IDS)]
+    other = np.maximum(table.pixels - table.structure - named.sum(axis=1), 0.0)
+    return np.concatenate([named, other[:, None]], axis=1)

@@ -1,0 +1,107 @@
+"""Furniture: the class of each clutter superpixel (paper 4; docs/evidence.md).
+
+The paper pools six kernel descriptors; here a boosted forest reads the features that the geometric context already
+has: height over the floor, size of the plane, what stands out from what, colour and texture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .evidence.features import SuperpixelFeatures
+from .evidence.geometric_context import MAX_FEATURES, select_columns
+from .forest import Forest, softmax
+from .labels import CLUTTER, FURNITURE_NYU40
+from .superpixels import Superpixels
+from .weights import WeightsError, read_arrays, write_arrays
+
+_KIND = "room_layout furniture"
+
+FURNITURE_IDS = tuple(FURNITURE_NYU40)
+"""NYU40 id of each class; one more class, the last, is anything else."""
+
+
+@dataclass(frozen=True, slots=True)
+class FurnitureModel:
+    """A trained classifier of clutter superpixels.
+
+    Attributes
+    ----------
+    names : features the forest reads. forest : softmax scores of the six classes and "other".
+    card : what the trainer says about it; JSON values.
+
+    Raises
+    ------
+    ValueError
+        When the forest has another number of outputs or reads more columns than there are names.
+    """
+
+    names: tuple[str, ...]
+    forest: Forest
+    card: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.forest.outputs != len(FURNITURE_IDS) + 1:
+            raise ValueError(f"furniture forest has {self.forest.outputs} outputs; {len(FURNITURE_IDS) + 1} are needed")
+        if not self.forest.feature_count <= len(self.names) <= MAX_FEATURES:
+            raise ValueError(
+                f"furniture model names {len(self.names)} features; its forest reads {self.forest.feature_count}"
+            )
+
+
+def classify_furniture(features: SuperpixelFeatures, model: FurnitureModel) -> NDArray[np.float64]:
+    """(K, 7) float64 probabilities of the classes `FURNITURE_IDS` and of anything else, for clutter superpixels.
+
+    Raises
+    ------
+    ValueError
+        When the features lack a column of the model.
+    """
+    return softmax(model.forest.evaluate(select_columns(features, model.names))).astype(np.float64)
+
+
+def paint_furniture(
+    superpixels: Superpixels, labels: NDArray[np.uint8], probability: NDArray[np.float64]
+) -> NDArray[np.uint8]:
+    """Draw the classes where there is clutter.
+
+    Parameters
+    ----------
+    labels : (K,) uint8 label id of each superpixel. probability : (K, 7) of `classify_furniture`.
+
+    Returns
+    -------
+    (H, W) uint8
+        NYU40 id of the most likely class on clutter, 0 where that is "other" or there is no clutter.
+    """
+    ids = np.array([*FURNITURE_IDS, 0], np.uint8)[probability.argmax(axis=1)]
+    return np.where(labels == CLUTTER, ids, np.uint8(0)).astype(np.uint8)[superpixels.index]
+
+
+def save_furniture(model: FurnitureModel, path: Path) -> None:
+    """Write a furniture model; the same model gives the same bytes."""
+    write_arrays(path, _KIND, model.forest.to_arrays("class_"), {**model.card, "features": list(model.names)})
+
+
+def load_furniture(path: Path) -> FurnitureModel:
+    """Read a furniture model.
+
+    Raises
+    ------
+    WeightsError
+        When the file is missing, damaged, of another kind, or does not describe a forest.
+    """
+    arrays, card = read_arrays(path, _KIND)
+    names = card.pop("features", None)
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise WeightsError(f"{path} does not name its features; it is no furniture model of this version")
+    try:
+        return FurnitureModel(tuple(names), Forest.from_arrays(arrays, "class_"), card)
+    except ValueError as error:
+        raise WeightsError(f"{path}: {error}") from error
