@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 from naive_depth_profiles import naive_profiles
 
-from room_layout_ros.core.depth_profiles import FARTHEST_M, NEAREST_M, OFFSETS, compute_depth_profiles, interpolate
-from room_layout_ros.core.plane_fit import PlaneFit, curve_at
+from room_layout_ros.core.depth_profiles import (
+    FARTHEST_M,
+    NEAREST_M,
+    OFFSETS,
+    compute_depth_profiles,
+    curve_positions,
+    interpolate,
+    read_curve,
+)
+from room_layout_ros.core.plane_fit import PlaneFit
 
 
 def test_profiles_are_those_of_every_cell_against_every_offset(rng: np.random.Generator) -> None:
@@ -85,7 +93,7 @@ def test_curves_are_the_fit_of_the_labels_at_every_distance(rng: np.random.Gener
         for face in range(5):
             mine = labels == face
             expected = float((area[mine] * (shares[mine, face] @ weights[face])).sum())
-            found = curve_at(curves[face], float(absent[face]), np.array([distance]))[0]
+            found = read_curve(curves[face], float(absent[face]), curve_positions(np.array([distance])))[0]
             assert found == pytest.approx(expected, abs=1e-9)
 
 

@@ -22,6 +22,7 @@ from room_layout_ros.core.energies import (
     reversed_relation,
     superpixel_faces,
     violations,
+    with_fit,
 )
 from room_layout_ros.core.integral_geometry import face_counts
 from room_layout_ros.core.joint import refine_cuboid, solve_joint
@@ -44,7 +45,7 @@ def energy_of_inference(
     problem: JointProblem, weights: ModelWeights, labels: NDArray[np.int64], layout: Layout, c: int
 ) -> float:
     """E(x, y) from the tables that the minimisation reads."""
-    planes = plane_costs(problem, weights, labels).of(layout, c)
+    planes = with_fit(plane_costs(problem, weights), problem, weights, labels).of(layout, c)
     return (
         label_problem(problem, weights).energy(labels)
         + layout_energy(layout_tables(problem, weights, labels), layout)

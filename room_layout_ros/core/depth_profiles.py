@@ -97,8 +97,33 @@ def _extent(offsets: NDArray[np.float64], balance: NDArray[np.float64], support:
 
 def interpolate(profile: NDArray[np.float64], distances: NDArray[np.float64]) -> NDArray[np.float64]:
     """Read a profile over `OFFSETS` at distances in m, linear in log distance; 0 at +inf."""
-    values = np.interp(np.log(distances), _LOG_OFFSETS, profile)
-    return np.where(np.isfinite(distances), values, 0.0)
+    return read_curve(profile, 0.0, curve_positions(distances))
+
+
+def curve_positions(distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return where distances in m (any shape) lie on a curve over `OFFSETS`; NaN for +inf. Of use for many curves."""
+    with np.errstate(divide="ignore"):
+        position = np.clip((np.log(distances) - _LOG_OFFSETS[0]) / _STEP, 0.0, N_OFFSETS - 1.0)
+    return np.where(np.isfinite(distances), position, np.nan)
+
+
+def read_curve(curve: NDArray[np.float64], absent: float, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Read a curve over `OFFSETS` at `curve_positions`; `absent` where a face is absent."""
+    return _read_curve(curve, absent, positions.ravel()).reshape(positions.shape)
+
+
+@njit(cache=True, nogil=True)
+def _read_curve(curve, absent, positions):  # type: ignore[no-untyped-def]
+    values = np.empty(len(positions))
+    for i in range(len(positions)):
+        position = positions[i]
+        if not position == position:
+            values[i] = absent
+        else:
+            low = min(int(position), len(curve) - 2)
+            part = position - low
+            values[i] = (1.0 - part) * curve[low] + part * curve[low + 1]
+    return values
 
 
 @njit(cache=True, nogil=True)

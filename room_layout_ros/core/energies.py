@@ -8,25 +8,25 @@ once, for learning; a test holds them equal.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .depth_profiles import DepthProfiles
+from .depth_profiles import DepthProfiles, curve_positions, read_curve
 from .integral_geometry import CellCounts, PairTables, face_counts, pair_tables
 from .labelling import LabelProblem
 from .labels import FRONT_WALL, N_FACES, N_LABELS
 from .layout_search import Layout
-from .plane_fit import N_FIT, PlaneFit, curve_at
+from .plane_fit import N_FIT, PlaneFit
 from .ray_grid import N_SIDES, SIDE_FACE
 from .weights import BLOCKS, N_FEATURES, SLICES, ModelWeights, physical_table
 
 N_LAYOUT_FEATURES = 11
 _TABLE = physical_table()
 _FRONT = FRONT_WALL - 1
+_PLANE_FACE = (*(face - 1 for face in SIDE_FACE), _FRONT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,10 +155,12 @@ class PlaneCosts:
     ----------
     sides : four (C, n) float64 costs per scale and state of ceiling, floor, left and right ray.
     constant : (C,) float64 cost of the front wall and of what depends on no ray.
+    positions : where the planes of the four sides (C, n) and of the front wall (C,) lie on curves over the offsets.
     """
 
     sides: tuple[NDArray[np.float64], ...]
     constant: NDArray[np.float64]
+    positions: tuple[NDArray[np.float64], ...]
 
     def of(self, layout: Layout, c: int) -> float:
         """Return the cost of one layout at scale number c."""
@@ -178,26 +180,36 @@ class PlaneCosts:
         return result
 
 
-def plane_costs(problem: JointProblem, weights: ModelWeights, labels: NDArray[np.int64] | None = None) -> PlaneCosts:
-    """Return support, violation and absence of the planes, and their fit to the labels (K,) where these are given."""
+def plane_costs(problem: JointProblem, weights: ModelWeights) -> PlaneCosts:
+    """Return support, violation and absence of the planes, and the cost of the front axis; the labels' fit comes after."""  # noqa: E501
     support, violation = weights.block("plane_support"), weights.block("plane_violation")
     absent = weights.block("face_absent")
     scales = problem.scales[:, None]
-    fit = None if labels is None else fit_costs(problem, weights, labels)
-
-    def metric(face: int, distances: NDArray[np.float64]) -> NDArray[np.float64]:
-        if problem.profiles is None:
-            return np.zeros_like(distances)
-        s, v = problem.profiles.at(face, distances)
-        cost = support[face] * s + violation[face] * v
-        return cost if fit is None else cost + fit(face, distances)
-
-    sides = []
+    front = np.full(len(scales), float(weights.block("front_axis")[0]) * problem.front_axis)
+    sides: list[NDArray[np.float64]] = []
+    positions: list[NDArray[np.float64]] = []
     for side in range(N_SIDES):
         states = problem.counts.grid.side_states(side)
-        sides.append(metric(SIDE_FACE[side] - 1, states * scales) + np.where(np.isfinite(states), 0.0, absent[side]))
-    constant = metric(_FRONT, scales)[:, 0] + float(weights.block("front_axis")[0]) * problem.front_axis
-    return PlaneCosts(tuple(sides), constant)
+        sides.append(np.tile(np.where(np.isfinite(states), 0.0, absent[side]), (len(scales), 1)))
+        positions.append(curve_positions(states * scales))
+    positions.append(curve_positions(scales[:, 0]))
+    if problem.profiles is not None:
+        for part, face, at in zip((*sides, front), _PLANE_FACE, positions, strict=True):
+            curve = support[face] * problem.profiles.support[face] + violation[face] * problem.profiles.violation[face]
+            np.add(part, read_curve(curve, 0.0, at), out=part)
+    return PlaneCosts(tuple(sides), front, tuple(positions))
+
+
+def with_fit(planes: PlaneCosts, problem: JointProblem, weights: ModelWeights, labels: NDArray[np.int64]) -> PlaneCosts:
+    """Return the costs of the planes with the fit of labels (K,) added."""
+    if problem.fit is None:
+        return planes
+    curves, absent = problem.fit.curves(labels, problem.area, weights.block("plane_fit"))
+    parts = [
+        part + read_curve(curves[face], float(absent[face]), at)
+        for part, face, at in zip((*planes.sides, planes.constant), _PLANE_FACE, planes.positions, strict=True)
+    ]
+    return PlaneCosts(tuple(parts[:N_SIDES]), parts[N_SIDES], planes.positions)
 
 
 def layout_tables(
@@ -262,19 +274,10 @@ def coupling(problem: JointProblem, weights: ModelWeights, layout: Layout, scale
     return cost
 
 
-def fit_costs(
-    problem: JointProblem, weights: ModelWeights, labels: NDArray[np.int64]
-) -> Callable[[int, NDArray[np.float64]], NDArray[np.float64]]:
-    """Return the plane fit of labels (K,) as a function of a face (0..4) and distances of its plane in m."""
-    if problem.fit is None:
-        return lambda _face, distances: np.zeros_like(distances)
-    curves, absent = problem.fit.curves(labels, problem.area, weights.block("plane_fit"))
-    return lambda face, distances: curve_at(curves[face], float(absent[face]), distances)
-
-
 def plane_distances(problem: JointProblem, layout: Layout, scale: float) -> NDArray[np.float64]:
     """(5,) distances in m of the planes of a layout; +inf where a face is absent."""
-    return problem.counts.grid.cuboid(layout, scale).distances
+    ceiling, floor, left, right = (problem.counts.grid.states[side, state] * scale for side, state in enumerate(layout))
+    return np.array([ceiling, floor, left, scale, right])
 
 
 def superpixel_faces(problem: JointProblem, layout: Layout) -> NDArray[np.float64]:

@@ -14,12 +14,13 @@ from .energies import (
     ExtraCosts,
     JointProblem,
     PlaneCosts,
+    compatibility_costs,
     coupling,
     label_problem,
     layout_costs,
-    layout_tables,
     plane_costs,
     superpixel_faces,
+    with_fit,
 )
 from .frame import CameraIntrinsics
 from .integral_geometry import PairTables, pair_tables
@@ -133,20 +134,22 @@ def estimate_joint(
         if geometry is not None
         else weights.variant(config.joint_variant).variant("rgb")
     )
-    best: tuple[int, JointProblem, JointSolution] | None = None
+    best: tuple[int, _Alternation, _State] | None = None
     energies: list[float] = []
     for index, evidence in enumerate(hypotheses):
         if best is not None and expired():
             break
         problem = build_joint_problem(camera, superpixels, evidence, geometry, config)
-        solution = solve_joint(problem, weights, config, expired, prove=config.joint_bound)
-        energies.append(solution.energy)
-        if best is None or solution.energy < best[2].energy - _NAME_TIE:
-            best = (index, problem, solution)
+        solver = _Alternation(problem, weights, config, expired, None)
+        state = solver.search()
+        energies.append(state.energy)
+        if best is None or state.energy < best[2].energy - _NAME_TIE:
+            best = (index, solver, state)
     if best is None:
         raise AssertionError("no hypothesis was solved")
-    index, problem, solution = best
-    return JointEstimate(index, solution, refine_cuboid(problem, weights, solution), tuple(energies))
+    index, solver, state = best
+    solution = solver.conclude(state, config.joint_bound)
+    return JointEstimate(index, solution, refine_cuboid(solver.problem, weights, solution), tuple(energies))
 
 
 def solve_joint(
@@ -176,16 +179,7 @@ def solve_joint(
         False leaves the lower bound at -inf.
     """
     solver = _Alternation(problem, weights, config, expired, extra)
-    best: _State | None = None
-    for start in (*solver.first_layouts(), *(solver.placed(s.layout) for s in starts)):
-        state = solver.run(start)
-        if best is None or state.energy < best.energy - _TIE:
-            best = state
-        if expired():
-            break
-    if best is None:
-        raise AssertionError("a layout search without a start")
-    return solver.conclude(best, prove)
+    return solver.conclude(solver.search(starts), prove)
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,10 +214,24 @@ class _Alternation:
         expired: Callable[[], bool],
         extra: ExtraCosts | None,
     ) -> None:
-        self.problem, self.weights, self.config, self.expired, self.extra = problem, weights, config, expired, extra
+        self.problem, self.weights, self.config, self.expired = problem, weights, config, expired
         self.labels_alone = label_problem(problem, weights, extra)
-        self.tables_alone = layout_tables(problem, weights, None, extra)
+        self.cost_alone = layout_costs(problem, weights, extra)
+        self.tables_alone = pair_tables(problem.counts, self.cost_alone)
         self.planes_alone = plane_costs(problem, weights)
+
+    def search(self, starts: tuple[RankedLayout, ...] = ()) -> _State:
+        """Alternate from every start; the state of least energy."""
+        best: _State | None = None
+        for start in (*self.first_layouts(), *(self.placed(s.layout) for s in starts)):
+            state = self.run(start)
+            if best is None or state.energy < best.energy - _TIE:
+                best = state
+            if self.expired():
+                break
+        if best is None:
+            raise AssertionError("a layout search without a start")
+        return best
 
     def first_layouts(self) -> list[_Placed]:
         """Best layouts of E_layout alone: the diverse ones at the best scale."""
@@ -261,8 +269,9 @@ class _Alternation:
 
     def given_labels(self, labels: NDArray[np.int64]) -> tuple[PairTables, PlaneCosts]:
         """E_layout + E_comp(x, .) as tables."""
-        tables = layout_tables(self.problem, self.weights, labels, self.extra)
-        return tables, plane_costs(self.problem, self.weights, labels)
+        cost = self.cost_alone + compatibility_costs(self.problem, self.weights, labels)
+        tables = pair_tables(self.problem.counts, cost)
+        return tables, with_fit(self.planes_alone, self.problem, self.weights, labels)
 
     def layout_alone(self, layout: Layout, scale: int) -> float:
         return layout_energy(self.tables_alone, layout) + self.planes_alone.of(layout, scale)
@@ -312,7 +321,7 @@ class _Alternation:
             moved = share * (superpixel_faces(problem, state.layout) @ w)
             per_pixel = moved / np.maximum(problem.area * problem.pixels, 1e-9)[:, None]
             relaxed = (w[None] / problem.pixels - per_pixel[:, None, :]).min(axis=2)
-            cost = layout_costs(problem, self.weights, self.extra) + relaxed[problem.atom_superpixel]
+            cost = self.cost_alone + relaxed[problem.atom_superpixel]
             of_layout = best_layout(pair_tables(problem.counts, cost), self.planes_alone).energy
             best = max(best, of_layout + self.solve_labels(moved + least, None).bound)
         return min(best, state.energy)

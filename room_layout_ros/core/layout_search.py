@@ -20,6 +20,9 @@ from .integral_geometry import PairTables
 Layout = tuple[int, int, int, int]
 """State indices of ceiling, floor, left and right ray."""
 
+StateCosts = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""A value per state of the ceiling, floor, left and right ray."""
+
 
 @dataclass(frozen=True, slots=True)
 class RankedLayout:
@@ -35,10 +38,7 @@ def layout_energy(tables: PairTables, layout: Layout) -> float:
     return float(tables[0][i1, j3] + tables[1][i1, j4] + tables[2][i2, j3] + tables[3][i2, j4])
 
 
-def add_unaries(
-    tables: PairTables,
-    unaries: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
-) -> PairTables:
+def add_unaries(tables: PairTables, unaries: StateCosts) -> PairTables:
     """Return the tables with a cost per state of ceiling, floor, left and right ray added (each once)."""
     ceiling, floor, left, right = unaries
     return (
@@ -65,9 +65,7 @@ def search_layout(tables: PairTables) -> RankedLayout:
     return RankedLayout(layout, layout_energy(tables, layout))
 
 
-def min_marginals(
-    tables: PairTables,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def min_marginals(tables: PairTables) -> StateCosts:
     """Return, for each state of ceiling, floor, left and right ray, the least cost of a layout that has it."""
     over_walls = _eliminate(tables[0], tables[2]) + _eliminate(tables[1], tables[3])
     over_levels = _eliminate(_turned(tables[0]), _turned(tables[1])) + _eliminate(

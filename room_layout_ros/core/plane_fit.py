@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
-from .depth_profiles import OFFSETS, interpolate
+from .depth_profiles import OFFSETS
 from .frame import CameraIntrinsics
 from .labels import N_FACES
 from .layout import FACE_AXIS, FACE_SIGN
@@ -53,7 +53,7 @@ class PlaneFit:
     def curves(
         self, labels: NDArray[np.int64], area: NDArray[np.float64], weights: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the cost of the labels (K,) as a function of each plane's offset: (5, n), and where it is absent (5,)."""  # noqa: E501
+        """Return the cost of labels (K,) as a function of each plane's offset, (5, n), and where it is absent, (5,)."""
         return _curves(self.offset, self.agreement, self.tolerance, OFFSETS, labels, area, weights)
 
     def least(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -64,11 +64,6 @@ class PlaneFit:
             cost = np.einsum("kfr,fr->kf", self.at(np.full(N_FACES, distance)), weights)
             np.minimum(result[:, :N_FACES], cost, out=result[:, :N_FACES])
         return result
-
-
-def curve_at(curve: NDArray[np.float64], absent: float, distances: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Read a cost curve at distances in m."""
-    return np.where(np.isfinite(distances), interpolate(curve, distances), absent)
 
 
 def compute_plane_fit(camera: CameraIntrinsics, superpixels: Superpixels, R: NDArray[np.float64]) -> PlaneFit:

@@ -66,7 +66,7 @@ VARIANTS: Mapping[str, tuple[str, ...]] = {
     "rgb": ("label_depth", "plane_support", "plane_violation", "plane_fit"),
     "om_only": ("layout_gc", "label_gc"),
     "gc_only": ("layout_om", "label_om"),
-    "no_compatibility": ("compatibility",),
+    "no_compatibility": ("compatibility", "plane_fit"),
     "no_planes": ("plane_support", "plane_violation", "plane_fit"),
     "no_pairs": ("pair", "smoothness"),
 }
