@@ -17,13 +17,14 @@ import pytest
 
 from room_layout_ros.cli import main as room_layout
 from room_layout_ros.commands.dashboard import room_of, show_source
-from room_layout_ros.commands.dashboard_live import _Ears
+from room_layout_ros.commands.dashboard_ears import Ears
 from room_layout_ros.commands.dashboard_page import dashboard_html
 from room_layout_ros.commands.dashboard_server import HOST, Board, Room, serve
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 from room_layout_ros.datasets import good_samples
 from room_layout_ros.datasets.synthetic import SyntheticSource
+from room_layout_ros.listening import listen
 
 
 @pytest.fixture
@@ -84,7 +85,7 @@ def test_a_room_without_depth_has_no_plan() -> None:
 
 
 def test_polygons_of_a_node_are_shown_with_the_overlay_of_the_same_stamp(board: Board) -> None:
-    ears = _Ears(board)
+    ears = Ears(board)
     ears.on_polygon(polygon(stamp=1, face=2))
     ears.on_overlay(overlay(stamp=2))
     assert board.look()[1].polygons == []  # those of stamp 1 belong to another frame
@@ -92,8 +93,26 @@ def test_polygons_of_a_node_are_shown_with_the_overlay_of_the_same_stamp(board: 
     assert [face for face, _ in board.look()[1].polygons] == [3]
 
 
+def test_free_space_is_drawn_upright_free_bright_and_unknown_between(board: Board) -> None:
+    ears = Ears(board)
+    info = SimpleNamespace(width=2, height=2)
+    ears.on_free_space(SimpleNamespace(info=info, data=[0, 100, -1, 0]))  # lower row: free, occupied
+    ears.on_overlay(overlay(stamp=1))
+    image = cv2.imdecode(np.frombuffer(board.look()[1].plan, np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert image is not None
+    upper_left, upper_right, lower_left, lower_right = (int(image[y, x]) for y in (60, -60) for x in (60, -60))
+    assert lower_right < 60 < upper_left < 180 < min(upper_right, lower_left)
+
+
+def test_a_grid_that_does_not_fit_its_size_is_left_out(board: Board) -> None:
+    ears = Ears(board)
+    ears.on_free_space(SimpleNamespace(info=SimpleNamespace(width=3, height=2), data=[0, 100, -1, 0]))
+    ears.on_overlay(overlay(stamp=1))
+    assert board.look()[1].plan == b""
+
+
 def test_memory_of_the_ears_is_bounded(board: Board) -> None:
-    ears = _Ears(board)
+    ears = Ears(board)
     for stamp in range(200):
         ears.on_polygon(polygon(stamp, 2))
         ears.on_overlay(overlay(stamp))
@@ -128,13 +147,17 @@ def test_port_in_use_and_bad_input_are_one_sentence(capsys: pytest.CaptureFixtur
     assert room_layout(["dashboard", "--port", "99999"]) == 2
 
 
+@pytest.mark.dds
+def test_a_node_name_that_is_none_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    assert room_layout(["dashboard", "--port", "0", "--seconds", "1", "--node", "/no good"]) == 2
+    assert "no good" in capsys.readouterr().err
+
+
 def test_server_is_not_reachable_from_other_machines(server: ThreadingHTTPServer) -> None:
     assert server.server_address[0] == "127.0.0.1"
 
 
 @pytest.mark.dds
 def test_listening_ends_in_time(board: Board) -> None:
-    from room_layout_ros.commands.dashboard_live import listen
-
-    listen(board, "/estimator", end=0.0)
+    listen("room_layout_dashboard", Ears(board).listeners("/estimator"), end=0.0)
     assert board.look() == (-1, Room(""))

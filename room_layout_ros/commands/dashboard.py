@@ -10,6 +10,7 @@ import argparse
 import time
 from pathlib import Path
 
+from room_layout_ros.commands.dashboard_ears import Ears
 from room_layout_ros.commands.dashboard_server import HOST, Board, Room, serve
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
 from room_layout_ros.core.estimate import RoomEstimate
@@ -21,6 +22,7 @@ from room_layout_ros.core.tracking import TemporalPrior, next_prior
 from room_layout_ros.datasets import DataError, FrameSource, good_samples
 from room_layout_ros.datasets.images import encode_image
 from room_layout_ros.evaluation.top_down import draw_top_down
+from room_layout_ros.listening import listen
 
 DEFAULT_PORT = 8641
 _JPEG_QUALITY = 85
@@ -50,9 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"http://{HOST}:{server.server_address[1]}/", flush=True)
     try:
         if source is None:
-            from room_layout_ros.commands.dashboard_live import listen
-
-            listen(board, arguments.node, end)
+            listen("room_layout_dashboard", Ears(board).listeners(arguments.node), end)
         else:
             show_source(board, source, end, arguments.loop)
             while time.monotonic() < end:  # the last room stays on show

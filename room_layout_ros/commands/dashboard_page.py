@@ -75,7 +75,8 @@ function draw() {
   flat.sort((m, n) => mean(n.points) - mean(m.points));
   for (const f of flat) {
     g.beginPath(); f.points.forEach((p, i) => i ? g.lineTo(p[0], p[1]) : g.moveTo(p[0], p[1])); g.closePath();
-    g.fillStyle = COLORS[f.face] + (mean(f.points) > 0 ? "88" : "18"); g.fill(); g.lineWidth = 2.5; g.strokeStyle = COLORS[f.face]; g.stroke();
+    g.fillStyle = COLORS[f.face] + (mean(f.points) > 0 ? "88" : "18"); g.fill();
+    g.lineWidth = 2.5; g.strokeStyle = COLORS[f.face]; g.stroke();
   }
   const o = place([0, 0, 0]), t = place([0, 0, 0.5]);
   g.strokeStyle = g.fillStyle = "#fff"; g.lineWidth = 2;

@@ -1,56 +1,25 @@
-"""The dashboard's ears: what a running node publishes."""
+"""The dashboard's ears: messages of a running node become rooms. Reads fields of messages, imports no ROS."""
 
 from __future__ import annotations
 
-import time
 from collections import OrderedDict
 from typing import Any
 
 import numpy as np
 
 from room_layout_ros.core.labels import LABEL_NAMES
-from room_layout_ros.datasets import DataError
 from room_layout_ros.datasets.images import encode_image
+from room_layout_ros.listening import Listener
 
 from .dashboard_server import Board, Room
 
 _KEPT = 8
 _JPEG_QUALITY = 85
+_MOST_CELLS = 4_000_000
+_UNKNOWN, _FREE, _OCCUPIED = (np.array(c) for c in ((120, 126, 136), (235, 240, 246), (30, 36, 46)))
 
 
-def listen(board: Board, node_name: str, end: float) -> None:
-    """Show every overlay of the node with the polygons of the same stamp, until `end` (time.monotonic).
-
-    Raises
-    ------
-    DataError
-        When ROS is not installed.
-    """
-    try:
-        import rclpy
-        from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-
-        from msg_adapters.messages import DiagnosticArray, Image, PolygonInstanceStamped
-    except ImportError:
-        raise DataError("listening to a node needs ROS 2: pip install 'room_layout_ros[ros]', or give INPUT") from None
-    rclpy.init(args=[])
-    try:
-        node = rclpy.create_node("room_layout_dashboard")
-        ears = _Ears(board)
-        node.create_subscription(PolygonInstanceStamped, f"{node_name}/polygons", ears.on_polygon, 50)
-        node.create_subscription(Image, f"{node_name}/overlay", ears.on_overlay, 2)
-        node.create_subscription(DiagnosticArray, "/diagnostics", ears.on_diagnostics, 10)
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-        while time.monotonic() < end and rclpy.ok():
-            executor.spin_once(timeout_sec=0.1)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        rclpy.try_shutdown()
-
-
-class _Ears:
+class Ears:
     """Collects messages by stamp; each overlay makes a room. Polygons come in the same burst, some of them later."""
 
     def __init__(self, board: Board) -> None:
@@ -59,8 +28,19 @@ class _Ears:
         self._overlays: OrderedDict[int, bytes] = OrderedDict()
         self._numbers: dict[str, str] = {}
         self._stages: dict[str, float] = {}
+        self._plan = b""
+
+    def listeners(self, node: str) -> list[Listener]:
+        """Return what to listen to for the node of this name."""
+        return [
+            Listener(f"{node}/polygons", "geometry_msgs/msg/PolygonInstanceStamped", 50, self.on_polygon),
+            Listener(f"{node}/overlay", "sensor_msgs/msg/Image", 2, self.on_overlay),
+            Listener(f"{node}/free_space", "nav_msgs/msg/OccupancyGrid", 2, self.on_free_space),
+            Listener("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 10, self.on_diagnostics),
+        ]
 
     def on_polygon(self, message: Any) -> None:
+        """Take one face."""
         stamp = _stamp_ns(message)
         corners = [[p.x, p.y, p.z] for p in message.polygon.polygon.points]
         self._polygons.setdefault(stamp, {})[int(message.polygon.id)] = corners
@@ -69,6 +49,7 @@ class _Ears:
             self._show(stamp)
 
     def on_overlay(self, message: Any) -> None:
+        """Take the picture of a frame; it makes a room."""
         if message.encoding != "rgb8":
             return
         rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.step)
@@ -79,6 +60,7 @@ class _Ears:
         self._show(stamp)
 
     def on_diagnostics(self, message: Any) -> None:
+        """Take the node's numbers."""
         for status in message.status:
             self._numbers[str(status.name)[:60]] = str(status.message)[:120]
             for value in status.values:
@@ -88,11 +70,24 @@ class _Ears:
                 elif key in ("latency_p50_ms", "latency_p99_ms"):
                     self._numbers[key] = text
 
+    def on_free_space(self, message: Any) -> None:
+        """Take the newest free-space grid; its own picture, a frame older or newer than the overlay."""
+        width, height = int(message.info.width), int(message.info.height)
+        cells = np.asarray(message.data, np.int8)
+        if not 0 < width * height == cells.size <= _MOST_CELLS:
+            return
+        colors = np.select(
+            [cells.reshape(height, width, 1) < 0, cells.reshape(height, width, 1) < 50], [_UNKNOWN, _FREE], _OCCUPIED
+        ).astype(np.uint8)
+        upright = np.ascontiguousarray(colors[::-1])  # row 0 of a grid is its lower edge
+        scale = max(1, 480 // max(width, height))
+        self._plan = encode_image(".jpg", upright.repeat(scale, axis=0).repeat(scale, axis=1), 92)
+
     def _show(self, stamp: int) -> None:
         polygons = sorted(self._polygons.get(stamp, {}).items())
         name = f"{stamp / 1e9:.3f} s"
         known = [(face, corners) for face, corners in polygons if 0 < face < len(LABEL_NAMES)]
-        self._board.show(Room(name, self._overlays[stamp], b"", known, dict(self._numbers), dict(self._stages)))
+        self._board.show(Room(name, self._overlays[stamp], self._plan, known, dict(self._numbers), dict(self._stages)))
 
     @staticmethod
     def _trim(kept: OrderedDict[int, Any]) -> None:
