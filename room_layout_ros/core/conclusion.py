@@ -16,6 +16,7 @@ from .layout import RoomCuboid
 from .manhattan import ManhattanFrame
 from .room_fit import FittedRoom, refine_room, room_cells
 from .superpixels import Superpixels
+from .wall_naming import name_walls
 
 _LEAST_FACE_PX = 30
 
@@ -42,6 +43,11 @@ def refine_cuboid(
     return RoomCuboid(room.R_room_camera, room.distances)
 
 
+def faces_in_view(layout: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """(5,) bool: faces that cover more than a few pixels of a layout image."""
+    return np.bincount(layout.ravel(), minlength=N_FACES + 1)[1 : N_FACES + 1] >= _LEAST_FACE_PX
+
+
 def conclude(
     frame: RgbdFrame,
     axes: ManhattanFrame,
@@ -55,10 +61,11 @@ def conclude(
     A pixel of a superpixel that is structure has the face of the layout there (a superpixel may lie across an edge
     of the room); all pixels of a clutter superpixel are clutter.
     """
+    cuboid, origin = name_walls(cuboid, faces_in_view(cuboid.raster(frame.camera)))
     layout = cuboid.raster(frame.camera)
     clutter = joint.labels == CLUTTER
-    seen = np.bincount(layout.ravel(), minlength=N_FACES + 1)[1:] >= _LEAST_FACE_PX
-    face_confidence = np.where(seen, joint.solution.face_confidence, 0.0)
+    seen = faces_in_view(layout)
+    face_confidence = np.where(seen & (origin >= 0), joint.solution.face_confidence[origin], 0.0)
     return RoomEstimate(
         status=Status.OK if joint.solution.finished else Status.DEADLINE,
         layout=layout,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .context_naming import rename_walls
 from .evidence.depth_cues import compute_depth_cues
 from .evidence.features import SuperpixelFeatures, compute_superpixel_features
 from .evidence.orientation_map import compute_orientation_map
@@ -14,6 +13,7 @@ from .joint_problem import FrameEvidence
 from .lines import LineSegments, classify_segments
 from .manhattan import ManhattanFrame
 from .superpixels import Superpixels
+from .wall_naming import rename_walls
 
 
 def describe_superpixels(
