@@ -181,7 +181,7 @@ class PlaneCosts:
 
 
 def plane_costs(problem: JointProblem, weights: ModelWeights) -> PlaneCosts:
-    """Return support, violation and absence of the planes, and the cost of the front axis; the labels' fit comes after."""  # noqa: E501
+    """Return support, violation and absence of the planes, and the cost of the front axis (`with_fit` adds more)."""
     support, violation = weights.block("plane_support"), weights.block("plane_violation")
     absent = weights.block("face_absent")
     scales = problem.scales[:, None]
