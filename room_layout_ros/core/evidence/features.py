@@ -76,6 +76,7 @@ def compute_superpixel_features(
         extents = compute_room_extents(inverse_depth, R_room_camera, camera)
         columns |= _depth(superpixels, sums, bounds, extents, R_room_camera, camera)
     _add_surroundings(columns, superpixels)
+    columns |= look_around(columns, camera.height / camera.width)
     return SuperpixelFeatures(np.stack(list(columns.values()), axis=1).astype(np.float32), tuple(columns))
 
 
@@ -376,3 +377,48 @@ def _add_surroundings(columns: Columns, superpixels: Superpixels) -> None:
         mean = total / weight
     for k, name in enumerate(names):
         columns[f"around_{name}"] = mean[:, k]
+
+
+_NEAR, _FAR = 0.12, 0.3
+_VIEWS = {
+    "above": (0.0, -_NEAR),
+    "below": (0.0, _NEAR),
+    "left": (-_NEAR, 0.0),
+    "right": (_NEAR, 0.0),
+    "far_above": (0.0, -_FAR),
+    "far_below": (0.0, _FAR),
+    "far_left": (-_FAR, 0.0),
+    "far_right": (_FAR, 0.0),
+}
+"""Offsets in image widths at which `look_around` looks."""
+
+_VIEWED = ("L", "gradient", "om_2", "om_4", "Y", "cos_y", "to_farthest", "border_farther", "depth")
+_RELATIVE = ("L", "Y", "depth")
+
+
+def look_around(columns: Columns, aspect: float) -> Columns:
+    """Features of the superpixels at fixed offsets in the image, some relative to the own ones.
+
+    Parameters
+    ----------
+    columns : with at least x, y, L, a, b of all superpixels of one image.
+    aspect : height of the image over its width.
+
+    Returns
+    -------
+    dict of (K,) arrays
+        NaN where the offset leads out of the image.
+    """
+    x, y = columns["x"].astype(np.float64), columns["y"].astype(np.float64) * aspect
+    lab = np.stack([columns["L"], columns["a"], columns["b"]], axis=1)
+    names = [name for name in _VIEWED if name in columns]
+    found: Columns = {}
+    for view, (dx, dy) in _VIEWS.items():
+        px, py = x + dx, y + dy
+        there = ((px[:, None] - x) ** 2 + (py[:, None] - y) ** 2).argmin(axis=1)
+        outside = (px < 0) | (px > 1) | (py < 0) | (py > aspect)
+        found[f"{view}_contrast"] = np.where(outside, np.nan, np.sqrt(((lab[there] - lab) ** 2).sum(axis=1)))
+        for name in names:
+            value = columns[name][there] - (columns[name] if name in _RELATIVE else 0.0)
+            found[f"{view}_{name}"] = np.where(outside, np.nan, value)
+    return found
