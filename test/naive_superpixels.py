@@ -10,12 +10,17 @@ from scipy import ndimage
 
 
 def energies(
-    lab: NDArray[np.float64], w: NDArray[np.float64], centers: NDArray[np.float64], weights: tuple[float, ...]
+    lab: NDArray[np.float64],
+    w: NDArray[np.float64],
+    centers: NDArray[np.float64],
+    weights: tuple[float, ...],
+    row_px: int,
 ) -> NDArray[np.float64]:
     """Return the energy (K, H, W) of each pixel at each centre; lab is (3, H, W) in Lab units (paper 3.1, eq. 1)."""
     space, color, depth, _ = weights
     height, width = w.shape
     y, x = np.mgrid[:height, :width]
+    y *= row_px
     table = np.empty((len(centers), height, width))
     for k, (cx, cy, cl, ca, cb, pa, pb, pc, kw, cap, _ga, _gb) in enumerate(centers):
         energy = space * ((x - cx) ** 2 + (y - cy) ** 2)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from room_layout_ros.core.color import blank_border, compute_lab
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.superpixel_assignment import CAP, KW, N_CENTER, assign, candidates_of_tiles
-from room_layout_ros.core.superpixel_connectivity import connect, regroup_edges
+from room_layout_ros.core.superpixel_connectivity import connect, expand, regroup_edges
 from room_layout_ros.core.superpixel_merging import merge_superpixels
 from room_layout_ros.core.superpixel_sums import N_SUMS, accumulate, plane_of_sums, plane_sse
 from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
@@ -57,26 +57,26 @@ def check_partition(s: Superpixels, height: int, width: int) -> None:
 # --- the kernels and their twins -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("step", [1, 2, 4])
-def test_every_pixel_goes_to_the_candidate_of_least_energy(rng: np.random.Generator, step: int) -> None:
+@pytest.mark.parametrize(("step", "row_px"), [(1, 1), (2, 1), (4, 1), (1, 2), (2, 2)])
+def test_every_pixel_goes_to_the_candidate_of_least_energy(rng: np.random.Generator, step: int, row_px: int) -> None:
     height, width = 45, 70  # no multiples of the tile
     lab = rng.integers(90, 160, (3, height, width), dtype=np.uint8)
     w = rng.uniform(0.2, 0.6, (height, width)).astype(np.float32)
     w[rng.random(w.shape) < 0.2] = 0
     centers = np.zeros((30, N_CENTER), np.float32)
-    centers[:, :2] = rng.uniform((0, 0), (width, height), (30, 2))
+    centers[:, :2] = rng.uniform((0, 0), (width, height * row_px), (30, 2))
     centers[:, 2:5] = rng.uniform((35, -30, -30), (60, 30, 30), (30, 3))
     centers[:, 5:7] = rng.normal(0, 0.002, (30, 2))
     centers[:, 7] = rng.uniform(0.2, 0.6, 30)
     centers[:, KW], centers[:, CAP] = 400.0, 5.0
     weights = (1 / 15.0**2, 0.02, 1.0, 0.0)
-    lists, count = candidates_of_tiles(centers, 25.0, height, width, step)
+    lists, count = candidates_of_tiles(centers, 25.0, height, width, step, row_px)
     index = np.full((height, width), -1, np.int32)
     phase = step // 2
-    assign(lab, w, NO_GRADIENT, centers, lists, count, step, phase, weights, index)
+    assign(lab, w, NO_GRADIENT, centers, lists, count, step, row_px, weights, index)
 
     real = np.stack([lab[0] * (100 / 255), lab[1] - 128.0, lab[2] - 128.0])
-    table = naive.energies(real, w.astype(float), centers.astype(float), weights)
+    table = naive.energies(real, w.astype(float), centers.astype(float), weights, row_px)
     across = -(-width // 16)
     for y in range(height):
         for x in range(width):
@@ -91,7 +91,7 @@ def test_every_pixel_goes_to_the_candidate_of_least_energy(rng: np.random.Genera
 def test_candidates_are_the_centres_within_reach_and_never_none(rng: np.random.Generator) -> None:
     centers = np.zeros((12, N_CENTER), np.float32)
     centers[:, :2] = rng.uniform((0, 0), (60, 60), (12, 2))
-    lists, count = candidates_of_tiles(centers, 20.0, 64, 160, 1)
+    lists, count = candidates_of_tiles(centers, 20.0, 64, 160, 1, 1)
     for tile in range(len(lists)):
         left, top = tile % 10 * 16, tile // 10 * 8
         dx = np.maximum(0, np.maximum(left - centers[:, 0], centers[:, 0] - left - 16))
@@ -105,13 +105,13 @@ def test_candidates_are_the_centres_within_reach_and_never_none(rng: np.random.G
 
 
 def test_sums_and_planes_are_those_of_the_pixels(rng: np.random.Generator) -> None:
-    index = connect(rng.integers(0, 3, (40, 64)).astype(np.int32), 60)[0]
+    index = connect(rng.integers(0, 3, (40, 64)).astype(np.int32), 60, 0, 1, 40)[0]
     count = int(index.max()) + 1
     lab = rng.integers(0, 256, (3, 40, 64), dtype=np.uint8)
     w = rng.uniform(0.2, 0.5, index.shape).astype(np.float32)
     w[rng.random(w.shape) < 0.3] = 0
     nobody = np.zeros((count, N_CENTER), np.float32)
-    sums = accumulate(lab, w, NO_GRADIENT, nobody, index, 1, 0, True, True, False)
+    sums = accumulate(lab, w, NO_GRADIENT, nobody, index, 1, 1, True, True, False)
     for k in range(count):
         mask = index == k
         assert sums[k, 0] == mask.sum()
@@ -127,7 +127,7 @@ def test_pieces_become_labels_and_small_ones_join_the_longest_border(rng: np.ran
     for min_pixels in (1, 4, 30):
         index = np.kron(rng.integers(0, 4, (10, 12)), np.ones((2, 3))).astype(np.int32)
         index[rng.random(index.shape) < 0.1] = 5
-        connected, edges, length = connect(index, min_pixels)
+        connected, edges, length = connect(index, min_pixels, 0, 1, len(index))
         expected = naive.connected_pieces(naive.join_small(naive.connected_pieces(index), min_pixels).astype(np.int32))
         np.testing.assert_array_equal(naive.connected_pieces(connected), expected)
         assert np.bincount(connected.ravel()).min() >= min(min_pixels, index.size)
@@ -137,12 +137,33 @@ def test_pieces_become_labels_and_small_ones_join_the_longest_border(rng: np.ran
 
 
 def test_edges_of_regrouped_labels_are_those_of_the_regrouped_image(rng: np.random.Generator) -> None:
-    index, edges, length = connect(rng.integers(0, 5, (20, 30)).astype(np.int32), 3)
+    index, edges, length = connect(rng.integers(0, 5, (20, 30)).astype(np.int32), 3, 0, 1, 20)
     ids = rng.permutation(np.arange(index.max() + 1) % 7).astype(np.int32)
     grouped, grouped_length = regroup_edges(edges, length, ids, 7)
     expected = naive.borders(ids[index])
     np.testing.assert_array_equal(grouped, np.array(list(expected)))
     np.testing.assert_array_equal(grouped_length, list(expected.values()))
+
+
+def test_a_row_that_stands_for_two_gives_the_borders_of_the_full_image(rng: np.random.Generator) -> None:
+    for height in (40, 39):
+        rows = np.kron(rng.integers(0, 4, (10, 12)), np.ones((2, 3))).astype(np.int32)
+        pieces, edges, length = connect(rows, 20, 0, 2, height)
+        ids = np.arange(pieces.max() + 1, dtype=np.int32)
+        full, moments = expand(pieces, ids, len(ids), 2, height)
+        np.testing.assert_array_equal(full, np.repeat(pieces, 2, axis=0)[:height])
+        borders = naive.borders(full)
+        np.testing.assert_array_equal(edges, np.array(list(borders)))
+        np.testing.assert_array_equal(length, list(borders.values()))
+        y, x = np.mgrid[:height, :36]
+        for column, values in enumerate((np.ones_like(x), x, y)):
+            np.testing.assert_allclose(moments[:, column], np.bincount(full.ravel(), values.ravel()))
+
+
+def test_grain_of_a_pixel_between_a_label_and_itself_is_taken_out() -> None:
+    row = np.array([[0, 0, 1, 0, 0, 1, 1, 0, 1, 1, 1, 2]], np.int32)
+    pieces, _, _ = connect(row, 1, 1, 1, 1)
+    np.testing.assert_array_equal(pieces, [[0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 2]])
 
 
 def test_merging_joins_the_cheapest_pair_first() -> None:
@@ -163,7 +184,7 @@ def test_merging_respects_planes_that_meet_at_an_edge(rng: np.random.Generator) 
     index = np.repeat((np.arange(90, dtype=np.int32) // 30)[None], 30, axis=0)
     nobody = np.zeros((3, N_CENTER), np.float32)
     lab = np.full((3, 30, 90), 128, np.uint8)
-    sums = accumulate(lab, w, NO_GRADIENT, nobody, index, 1, 0, True, True, False)
+    sums = accumulate(lab, w, NO_GRADIENT, nobody, index, 1, 1, True, True, False)
     ids, _ = merge_superpixels(sums, np.array([[0, 1], [1, 2]], np.int32), 2, 0.01, 1.0, 0.004, 0.0, 1.5)
     np.testing.assert_array_equal(ids, [0, 0, 1])
 

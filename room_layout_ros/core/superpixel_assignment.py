@@ -27,13 +27,13 @@ _GRADIENT_CAP = np.float32(16.0)
 
 
 @njit(cache=True, nogil=True)
-def candidates_of_tiles(centers, reach, height, width, step):  # type: ignore[no-untyped-def]
+def candidates_of_tiles(centers, reach, rows, width, step, row_px):  # type: ignore[no-untyped-def]
     """Return the centres within `reach` of each tile: (tiles, MAX_CANDIDATES) int32 and their number (tiles,).
 
     Where there are more than MAX_CANDIDATES, the first ones count; where there is none, the nearest one.
     """
-    tile_h = TILE_H * step
-    down, across = (height + tile_h - 1) // tile_h, (width + TILE_W - 1) // TILE_W
+    tile_h = TILE_H * step * row_px
+    down, across = (rows * row_px + tile_h - 1) // tile_h, (width + TILE_W - 1) // TILE_W
     lists = np.empty((down * across, MAX_CANDIDATES), np.int32)
     count = np.zeros(down * across, np.int32)
     for k in range(len(centers)):
@@ -80,9 +80,17 @@ def _copy_row(lab, w, gradient, y, x0, n, at, pixel, color, depth, by_gradient):
             pixel[5, at + j] = gradient[1, y, x0 + j]
 
 
+@njit(cache=True, nogil=True)
+def first_row(step, rows):  # type: ignore[no-untyped-def]
+    """Return the first of every `step`-th row: in the middle of the rows that it stands for, if there is such a row."""
+    return step // 2 if rows > step // 2 else 0
+
+
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def assign(lab, w, gradient, centers, lists, count, step, phase, weights, index):  # type: ignore[no-untyped-def]
-    """Write into `index` (H, W) the centre of least energy, for every `step`-th row of each tile from `phase` on.
+def assign(lab, w, gradient, centers, lists, count, step, row_px, weights, index):  # type: ignore[no-untyped-def]
+    """Write into `index` (rows, W) the centre of least energy, for every `step`-th row from `first_row(step, rows)` on.
+
+    Row i of the images is at y = row_px i of the frame.
 
     Energy of pixel p at centre s, weights = (space, color, depth?, gradient):
     space |p - mu|^2 + color |I - c|^2 + [measured] (min(KW (w - plane(p))^2, CAP) + gradient |g - g_s|^2)
@@ -90,12 +98,13 @@ def assign(lab, w, gradient, centers, lists, count, step, phase, weights, index)
     packed in one integer, so that the search is a minimum; of equal costs the first candidate wins.
     """
     height, width = index.shape
+    phase = first_row(step, height)
     across = (width + TILE_W - 1) // TILE_W
     px, py = np.empty(_N, np.float32), np.empty(_N, np.float32)
     for i in range(TILE_H):
         for j in range(TILE_W):
             px[i * TILE_W + j] = j
-            py[i * TILE_W + j] = i * step + phase
+            py[i * TILE_W + j] = (i * step + phase) * row_px
     pixel = np.zeros((6, _N), np.float32)
     own, steep, best = np.empty(_N, np.float32), np.zeros(_N, np.float32), np.empty(_N, np.int32)
     zero, two = np.float32(0), np.float32(2)
@@ -120,7 +129,7 @@ def assign(lab, w, gradient, centers, lists, count, step, phase, weights, index)
         for slot in range(count[t]):
             # |p - s|^2 multiplied out: |p|^2 is the tile's, |s|^2 the centre's, and the rest is linear in the pixel
             center = centers[lists[t, slot]]
-            cx, cy = center[X] - np.float32(x0), center[Y] - np.float32(y0)
+            cx, cy = center[X] - np.float32(x0), center[Y] - np.float32(y0 * row_px)
             cl, ca, cb = center[CL], center[CA], center[CB]
             k0 = space * (cx * cx + cy * cy) + color * (cl * cl + ca * ca + cb * cb)
             kx, ky = two * space * cx, two * space * cy

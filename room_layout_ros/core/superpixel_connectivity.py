@@ -17,8 +17,11 @@ def _find(parent, i):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _runs(index):  # type: ignore[no-untyped-def]
-    """Return the first column of each run of equal labels and the first run of each row (H + 1,)."""
+def _runs(index, gap_px):  # type: ignore[no-untyped-def]
+    """Return the first column of each run of equal labels and the first run of each row (H + 1,).
+
+    A run of up to `gap_px` pixels between two of the same label becomes part of them: the grain of noisy borders.
+    """
     height, width = index.shape
     first_run = np.empty(height + 1, np.int32)
     start = np.empty(height * width, np.int16)
@@ -27,10 +30,18 @@ def _runs(index):  # type: ignore[no-untyped-def]
         first_run[y] = n
         start[n] = 0
         n += 1
+        label = index[y, 0]
+        before = np.int32(-1)
         for x in range(1, width):
-            if index[y, x] != index[y, x - 1]:
-                start[n] = x
-                n += 1
+            if index[y, x] != label:
+                if index[y, x] == before and x - start[n - 1] <= gap_px:
+                    n -= 1
+                    before = index[y, start[n - 2]] if n - 2 >= first_run[y] else np.int32(-1)
+                else:
+                    start[n] = x
+                    n += 1
+                    before = label
+                label = index[y, x]
     first_run[height] = n
     return start[:n], first_run
 
@@ -69,28 +80,28 @@ def _components(index, start, first_run):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _borders(component, count, start, first_run, width):  # type: ignore[no-untyped-def]
+def _borders(component, count, start, first_run, width, row_px, height):  # type: ignore[no-untyped-def]
     """Return the pixels of each component and its borders: (first, neighbour, length), three lists by component.
 
     A border shows up once per stretch; a neighbour may be listed more than once.
     """
-    height = len(first_run) - 1
     n = len(start)
     size, degree = np.zeros(count, np.int32), np.zeros(count + 1, np.int32)
     pairs = np.empty((3 * n + 1, 3), np.int32)
     pairs[0] = -1
     last = np.zeros(_HASH_SLOTS, np.int32)
     m = 0
-    for y in range(height):
+    for y in range(len(first_run) - 1):
+        thick = min(row_px, height - y * row_px)  # rows of the frame that this one stands for
         up = first_run[y - 1] if y > 0 else 0
         up_end = first_run[y]
         for run in range(first_run[y], first_run[y + 1]):
             x0 = start[run]
             x1 = start[run + 1] if run + 1 < first_run[y + 1] else width
             c = component[run]
-            size[c] += x1 - x0
+            size[c] += (x1 - x0) * thick
             if x0 > 0:
-                m = _add_pair(pairs, m, component[run - 1], c, 1, degree, last)
+                m = _add_pair(pairs, m, component[run - 1], c, thick, degree, last)
             while y > 0:
                 up_x0 = start[up]
                 up_x1 = start[up + 1] if up + 1 < up_end else width
@@ -169,20 +180,21 @@ def _join_small(size, first, neighbour, length, min_pixels):  # type: ignore[no-
 
 
 @njit(cache=True, nogil=True)
-def connect(index, min_pixels):  # type: ignore[no-untyped-def]
-    """Return the label image made 4-connected and the neighbours in it.
+def connect(index, min_pixels, gap_px, row_px, height):  # type: ignore[no-untyped-def]
+    """Return the label image made 4-connected and the neighbours in it; each row stands for `row_px` rows of `height`.
 
-    Pieces below `min_pixels` join the neighbour with whom they share the longest border.
+    Pieces below `min_pixels` join the neighbour with whom they share the longest border; before, stretches of a row of
+    up to `gap_px` pixels that part a label from itself are given to it.
 
     Returns
     -------
-    (H, W) int32 ids 0.. in raster order, (E, 2) int32 pairs i < j ascending, (E,) int32 border lengths
-    in pairs of 4-neighbouring pixels.
+    (rows, W) int32 ids 0.. in raster order, (E, 2) int32 pairs i < j ascending, (E,) int32 border lengths
+    in pairs of 4-neighbouring pixels of the frame.
     """
-    height, width = index.shape
-    start, first_run = _runs(index)
+    rows, width = index.shape
+    start, first_run = _runs(index, gap_px)
     component, pieces = _components(index, start, first_run)
-    size, first, neighbour, length = _borders(component, pieces, start, first_run, width)
+    size, first, neighbour, length = _borders(component, pieces, start, first_run, width, row_px, height)
     target = _join_small(size, first, neighbour, length, min_pixels)
     ids = np.full(pieces, -1, np.int32)
     count = 0
@@ -191,8 +203,8 @@ def connect(index, min_pixels):  # type: ignore[no-untyped-def]
             ids[target[piece]] = count
             count += 1
         ids[piece] = ids[target[piece]]
-    connected = np.empty((height, width), np.int32)
-    for y in range(height):
+    connected = np.empty((rows, width), np.int32)
+    for y in range(rows):
         for run in range(first_run[y], first_run[y + 1]):
             x1 = start[run + 1] if run + 1 < first_run[y + 1] else width
             label = ids[component[run]]
@@ -243,11 +255,24 @@ def regroup_edges(edges, edge_length, ids, count):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, nogil=True)
-def relabel(index, ids):  # type: ignore[no-untyped-def]
-    """Return the label image with each label replaced by its id."""
-    height, width = index.shape
-    new = np.empty_like(index)
-    for y in range(height):
-        for x in range(width):
-            new[y, x] = ids[index[y, x]]
-    return new
+def expand(index, ids, count, row_px, height):  # type: ignore[no-untyped-def]
+    """Return the label image at its full `height`, labels replaced by ids, and the pixels, sum x, sum y of each id."""
+    rows, width = index.shape
+    full = np.empty((height, width), np.int32)
+    moments = np.zeros((count, 3))
+    for row in range(rows):
+        y0, y1 = row * row_px, min(height, (row + 1) * row_px)
+        x0 = 0
+        while x0 < width:
+            x1 = x0 + 1
+            while x1 < width and index[row, x1] == index[row, x0]:
+                x1 += 1
+            k = ids[index[row, x0]]
+            moments[k, 0] += (x1 - x0) * (y1 - y0)
+            moments[k, 1] += (x1 - x0) * (y1 - y0) * (x0 + x1 - 1) * 0.5
+            moments[k, 2] += (x1 - x0) * (y1 - y0) * (y0 + y1 - 1) * 0.5
+            for y in range(y0, y1):
+                for x in range(x0, x1):
+                    full[y, x] = k
+            x0 = x1
+    return full, moments

@@ -25,31 +25,31 @@ def merge_superpixels(sums, edges, wanted, color, depth, noise, noise_quantum, p
     a, b = edges[:, 0].copy(), edges[:, 1].copy()
     m = len(a)
     cost = np.empty(m)
+    best = 0
     for e in range(m):
         cost[e] = _pair_cost(sums, sse, a[e], b[e], color, depth, noise, noise_quantum, power)
+        if cost[e] < cost[best]:
+            best = e
     left = count
     while left > wanted and m > 0:
-        best = 0
-        for e in range(1, m):
-            if cost[e] < cost[best]:
-                best = e
         keep, gone = min(a[best], b[best]), max(a[best], b[best])
         parent[gone] = keep
         sums[keep] += sums[gone]
         sse[keep] = plane_sse(sums[keep])
         left -= 1
-        e = 0
+        e, best = 0, 0
         while e < m:
-            if a[e] == gone:
-                a[e] = keep
-            if b[e] == gone:
-                b[e] = keep
-            if a[e] == b[e]:
-                m -= 1
-                a[e], b[e], cost[e] = a[m], b[m], cost[m]
-                continue
-            if a[e] == keep or b[e] == keep:
-                cost[e] = _pair_cost(sums, sse, a[e], b[e], color, depth, noise, noise_quantum, power)
+            i, j = a[e], b[e]
+            if i in (keep, gone) or j in (keep, gone):
+                i, j = keep if i == gone else i, keep if j == gone else j
+                if i == j:
+                    m -= 1
+                    a[e], b[e], cost[e] = a[m], b[m], cost[m]
+                    continue
+                a[e], b[e] = i, j
+                cost[e] = _pair_cost(sums, sse, i, j, color, depth, noise, noise_quantum, power)
+            if cost[e] < cost[best]:
+                best = e
             e += 1
     ids = np.empty(count, np.int32)
     n = 0
@@ -77,9 +77,7 @@ def _pair_cost(sums, sse, a, b, color, depth, noise, noise_quantum, power):  # t
         difference += (s[c] / n - t[c] / m) ** 2
     cost = weight * color * difference
     if depth > 0 and s[9] > 0 and t[9] > 0:
-        joint = np.empty(19)
-        for c in range(19):
-            joint[c] = s[c] + t[c]
+        joint = s + t
         growth = max(0.0, plane_sse(joint) - sse[a] - sse[b])
         w = joint[15] / joint[9]
         variance = plane_variance(w, noise, noise_quantum)

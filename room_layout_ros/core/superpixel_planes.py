@@ -8,7 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .superpixel_assignment import CAP, KW, N_CENTER, PA, PB, PC, X, Y
-from .superpixel_sums import accumulate, plane_of_sums, plane_sse
+from .superpixel_sums import N_SUMS, accumulate, plane_of_sums, plane_sse
 
 MIN_PLANE_PIXELS = 30
 """Superpixels with fewer inliers have no plane."""
@@ -16,13 +16,14 @@ MIN_PLANE_PIXELS = 30
 _GRADIENT_RADIUS_PX = 5
 _INLIER = 2.5
 _MIN_RMS = 1e-4
-_ROW_STEP = 2
+_ROW_PX = 2
 
 
 @njit(cache=True, nogil=True)
-def fit_planes(lab, w, gradient, index, sums, has_depth):  # type: ignore[no-untyped-def]
+def fit_planes(lab, w, gradient, pieces, ids, sums, row_px, has_depth):  # type: ignore[no-untyped-def]
     """Return the planes (K, 3) float64 (a, b, c), w = a x + b y + c, and the rms (K,) float32 of their inliers.
 
+    `ids` (pieces,) tells which superpixel each piece of the image `pieces` belongs to.
     The least-squares plane of the sums, fitted once more (on every second row) without the residuals beyond 2.5
     times the rms of the first. NaN where fewer than 30 pixels are left. Columns that span no plane get slope 0.
     """
@@ -37,10 +38,17 @@ def fit_planes(lab, w, gradient, index, sums, has_depth):  # type: ignore[no-unt
         fits[k, PA], fits[k, PB], fits[k, PC] = plane_of_sums(s, fits[k, X], fits[k, Y])
         fits[k, KW] = 1.0 / max(plane_sse(s) / max(s[9], 1.0), _MIN_RMS**2)
         fits[k, CAP] = _INLIER**2
-    again = accumulate(lab, w, gradient, fits, index, _ROW_STEP, 0, False, True, False)
+    of_pieces = np.empty((len(ids), N_CENTER), np.float32)
+    for piece in range(len(ids)):
+        of_pieces[piece] = fits[ids[piece]]
+    step = max(1, _ROW_PX // row_px)
+    by_piece = accumulate(lab, w, gradient, of_pieces, pieces, step, row_px, False, True, False)
+    again = np.zeros((count, N_SUMS))
+    for piece in range(len(ids)):
+        again[ids[piece]] += by_piece[piece]
     for k in range(count):
         s = again[k]
-        if s[9] * _ROW_STEP >= MIN_PLANE_PIXELS:
+        if s[9] * step * row_px >= MIN_PLANE_PIXELS:
             plane[k] = plane_of_sums(s, 0.0, 0.0)
             rms[k] = np.sqrt(plane_sse(s) / s[9])
     return plane, rms

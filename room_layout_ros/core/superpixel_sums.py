@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .superpixel_assignment import AB_OFFSET, CA, CAP, CB, CL, GA, GB, KW, L_SCALE, PA, PB, PC, X, Y
+from .superpixel_assignment import AB_OFFSET, CA, CAP, CB, CL, GA, GB, KW, L_SCALE, PA, PB, PC, X, Y, first_row
 
 N_SUMS = 19
 """n, x, y, L, a, b; measured, gradient (2); pixels of the plane: m, x, y, xx, xy, yy, w, xw, yw, ww."""
@@ -51,8 +51,10 @@ def _plane_sums(row, first, last, w0, slope, limit):  # type: ignore[no-untyped-
 
 
 @njit(cache=True, nogil=True)
-def accumulate(lab, w, gradient, centers, index, step, phase, by_color, by_depth, by_gradient):  # type: ignore[no-untyped-def]
-    """Return the sums (K, N_SUMS) of the pixels of every `step`-th row from `phase` on.
+def accumulate(lab, w, gradient, centers, index, step, row_px, by_color, by_depth, by_gradient):  # type: ignore[no-untyped-def]
+    """Return the sums (K, N_SUMS) of the pixels of every `step`-th row from `first_row(step, rows)` on.
+
+    Row i of the images is at y = row_px i of the frame.
 
     A pixel whose residual is capped at its centre (KW r^2 > CAP) is no part of the centre's plane: that makes the
     fit the exact minimiser of the capped energy for fixed inliers. KW = 0 takes all.
@@ -64,19 +66,20 @@ def accumulate(lab, w, gradient, centers, index, step, phase, by_color, by_depth
     for k in range(count):
         kw, cap = centers[k, KW], centers[k, CAP]
         limit[k] = np.sqrt(cap / kw) if 0 < kw < _NO_PLANE else np.inf
-    for y in range(phase, height, step):
+    for row in range(first_row(step, height), height, step):
+        y = row * row_px
         first = 0
         while first < width:
-            k = index[y, first]
+            k = index[row, first]
             last = first + 1
-            while last < width and index[y, last] == k:
+            while last < width and index[row, last] == k:
                 last += 1
             n, s = last - first, sums[k]
             s[0] += n
             s[1] += n * (first + last - 1) * 0.5
             s[2] += n * y
             if by_color:
-                sl, sa, sb = _color_sums(lab, y, first, last)
+                sl, sa, sb = _color_sums(lab, row, first, last)
                 s[3] += sl
                 s[4] += sa
                 s[5] += sb
@@ -84,7 +87,7 @@ def accumulate(lab, w, gradient, centers, index, step, phase, by_color, by_depth
                 slope = centers[k, PA]
                 w0 = centers[k, PC] + slope * (first - centers[k, X]) + centers[k, PB] * (y - centers[k, Y])
                 seen, m, mx, mxx, mw, mxw, mww = _plane_sums(
-                    w[y], first, last, np.float32(w0), np.float32(slope), limit[k]
+                    w[row], first, last, np.float32(w0), np.float32(slope), limit[k]
                 )
                 s[6] += seen
                 s[9] += m
@@ -99,8 +102,8 @@ def accumulate(lab, w, gradient, centers, index, step, phase, by_color, by_depth
                 s[18] += mww
             if by_gradient:
                 for x in range(first, last):
-                    s[7] += gradient[0, y, x]
-                    s[8] += gradient[1, y, x]
+                    s[7] += gradient[0, row, x]
+                    s[8] += gradient[1, row, x]
             first = last
     for k in range(count):
         if by_color:
