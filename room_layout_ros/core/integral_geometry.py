@@ -115,8 +115,9 @@ def pair_tables(counts: CellCounts, face_cost: NDArray[np.float64]) -> PairTable
     grid = counts.grid
     cost = np.ascontiguousarray(face_cost, dtype=np.float64)
     boxes, sectors = _scatter(cost, _TOP, _SIDE, counts.boxes, counts.sectors, *_offsets(grid))
-    total = np.einsum("aq,aq->q", counts.quadrant_pixels, cost[:, _TOP])
-    behind = np.einsum("aq,aq->q", counts.behind_pixels, cost[:, _TOP])
+    of_top = cost[:, _TOP]
+    total = (counts.quadrant_pixels * of_top).sum(axis=0)
+    behind = (counts.behind_pixels * of_top).sum(axis=0)
     return read_tables(grid, boxes, sectors, total, behind)
 
 

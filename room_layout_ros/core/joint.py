@@ -25,7 +25,7 @@ from .energies import (
 from .frame import CameraIntrinsics
 from .integral_geometry import PairTables, pair_tables
 from .joint_problem import FrameEvidence, build_joint_problem
-from .labelling import Labelling, LabelProblem, solve_labelling
+from .labelling import Labelling, LabelSolver
 from .labels import FRONT_WALL, N_FACES, N_LABELS
 from .layout import RoomCuboid
 from .layout_search import (
@@ -216,6 +216,7 @@ class _Alternation:
     ) -> None:
         self.problem, self.weights, self.config, self.expired = problem, weights, config, expired
         self.labels_alone = label_problem(problem, weights, extra)
+        self.solver = LabelSolver(self.labels_alone)
         self.cost_alone = layout_costs(problem, weights, extra)
         self.tables_alone = pair_tables(problem.counts, self.cost_alone)
         self.planes_alone = plane_costs(problem, weights)
@@ -282,9 +283,7 @@ class _Alternation:
         return self.solve_labels(coupled, start)
 
     def solve_labels(self, added: NDArray[np.float64], start: Labelling | None) -> Labelling:
-        alone = self.labels_alone
-        problem = LabelProblem(alone.unary + added, alone.edges, alone.pairwise)
-        return solve_labelling(problem, self.config.labelling_sweeps, start)
+        return self.solver.solve(self.labels_alone.unary + added, self.config.labelling_sweeps, start)
 
     def conclude(self, state: _State, prove: bool) -> JointSolution:
         """Add bound and confidences to the best state."""

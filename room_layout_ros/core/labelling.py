@@ -81,6 +81,33 @@ class Labelling:
     messages: NDArray[np.float64]
 
 
+class LabelSolver:
+    """Solves labellings that differ in their unary costs only; what the edges need is prepared once.
+
+    Parameters
+    ----------
+    problem : LabelProblem
+    """
+
+    def __init__(self, problem: LabelProblem) -> None:
+        self._problem = problem
+        self._order = _adjacency(len(problem.unary), problem.edges)
+        self._pairwise = _padded_pairwise(problem.pairwise)
+
+    def solve(self, unary: NDArray[np.float64], sweeps: int, start: Labelling | None = None) -> Labelling:
+        """Minimise the cost with other unary costs (K, L); see `solve_labelling`."""
+        if start is None:
+            messages = np.zeros((len(self._problem.edges), 2, _WIDTH))
+            first = unary.argmin(axis=1)
+        else:
+            messages, first = start.messages.copy(), start.labels
+        padded = _padded_unary(unary, self._problem.pairwise)
+        labels, energy, bound = _trws(
+            padded, self._problem.edges, self._pairwise, *self._order, messages, first.astype(np.int64), sweeps
+        )
+        return Labelling(labels, float(energy), float(bound), messages)
+
+
 def solve_labelling(problem: LabelProblem, sweeps: int = 20, start: Labelling | None = None) -> Labelling:
     """Minimise the cost over all labellings.
 
@@ -93,37 +120,29 @@ def solve_labelling(problem: LabelProblem, sweeps: int = 20, start: Labelling | 
         Of a similar problem on the same edges. Its messages warm-start the sweeps, and the result costs no more than
         its labels.
     """
-    nodes, _ = problem.unary.shape
-    if start is None:
-        messages = np.zeros((len(problem.edges), 2, _WIDTH))
-        first = problem.unary.argmin(axis=1)
-    else:
-        messages, first = start.messages.copy(), start.labels
-    order = _adjacency(nodes, problem.edges)
-    solution, energy, bound = _trws(
-        *_padded(problem), *order,
-        messages, first.astype(np.int64), sweeps,
-    )  # fmt: skip
-    return Labelling(solution, float(energy), float(bound), messages)
+    return LabelSolver(problem).solve(problem.unary, sweeps, start)
 
 
-def _padded(problem: LabelProblem) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
-    """Unary costs, edges, and pairwise costs both ways, (2, E, 6, 6): of (first, second) and of (second, first).
+def _padded_pairwise(pairwise: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(2, E, 6, 6): costs of (first, second) and of (second, first), so that kernels read rows.
 
-    Kernels have loops of a fixed number of labels, which the compiler unrolls; missing ones cost more than any
-    labelling.
+    Kernels have loops of a fixed number of labels, which the compiler unrolls.
     """
-    labels = problem.unary.shape[1]
-    both = np.stack([problem.pairwise, problem.pairwise.transpose(0, 2, 1)])
+    edges, labels, _ = pairwise.shape
+    padded = np.zeros((2, edges, _WIDTH, _WIDTH))
+    padded[0, :, :labels, :labels] = pairwise
+    padded[1, :, :labels, :labels] = pairwise.transpose(0, 2, 1)
+    return padded
+
+
+def _padded_unary(unary: NDArray[np.float64], pairwise: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(K, 6); a label that is not the problem's costs more than any labelling."""
+    labels = unary.shape[1]
     if labels == _WIDTH:
-        return np.ascontiguousarray(problem.unary), problem.edges, both
-    unary = np.full(
-        (len(problem.unary), _WIDTH), 1.0 + 2.0 * (np.abs(problem.unary).sum() + np.abs(problem.pairwise).sum())
-    )
-    unary[:, :labels] = problem.unary
-    pairwise = np.zeros((2, len(problem.edges), _WIDTH, _WIDTH))
-    pairwise[:, :, :labels, :labels] = both
-    return unary, problem.edges, pairwise
+        return np.ascontiguousarray(unary, dtype=np.float64)
+    padded = np.full((len(unary), _WIDTH), 1.0 + 2.0 * (np.abs(unary).sum() + np.abs(pairwise).sum()))
+    padded[:, :labels] = unary
+    return padded
 
 
 def _adjacency(nodes: int, edges: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
