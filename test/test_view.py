@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from room_layout_ros.cli import main as room_layout
-from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimate import RoomEstimate, Status
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
@@ -21,7 +20,7 @@ from room_layout_ros.datasets.images import read_color
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.datasets.writers import FolderWriter
 from room_layout_ros.evaluation import pictures
-from room_layout_ros.evaluation.stages import STAGES, Look, draw_stage
+from room_layout_ros.evaluation.stages import STAGES, Look, draw_stage, look_at
 from room_layout_ros.evaluation.top_down import draw_top_down
 
 CAMERA = CameraIntrinsics(160, 120, 130.0, 130.0, 79.5, 59.5)
@@ -42,15 +41,45 @@ def folder(sample: Sample, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+NEEDS_DEPTH = {"depth", "cues", "support", "top-down"}
+
+
 @pytest.mark.parametrize("with_depth", (True, False))
 def test_every_stage_is_a_picture_of_the_frames_size(sample: Sample, with_depth: bool) -> None:
     frame = sample.frame if with_depth else sample.frame.without_depth()
-    config = EstimatorConfig()
-    look = Look(frame, LayoutEstimator(config).estimate(frame), config)
+    look = look_at(frame, LayoutEstimator())
     for name in STAGES:
         image = draw_stage(name, look)
+        if image is None:
+            assert name == "furniture" or (name in NEEDS_DEPTH and not with_depth), name
+            continue
         assert image.shape == (480, 640, 3), name
         assert image.dtype == np.uint8, name
+
+
+def test_evidence_shown_is_the_estimators(sample: Sample) -> None:
+    look = look_at(sample.frame, LayoutEstimator())
+    assert look.superpixels is not None
+    np.testing.assert_array_equal(look.superpixels.index, look.estimate.superpixels)
+
+
+def test_support_stage_tells_what_lies_on_a_face_beyond_and_before() -> None:
+    room = RoomCuboid(np.eye(3), np.array([1.0, 1.0, 1.5, 3.0, 1.5]))
+    depth = room.depth(CAMERA)
+    depth[:40], depth[80:] = depth[:40] * 0.7, depth[80:] * 1.3
+    look = Look(RgbdFrame(CAMERA, None, depth), room_estimate(room))
+    image = draw_stage("support", look)
+    assert image is not None
+    rows = {tuple(image[y, x].tolist()) for y in (20, 60, 100) for x in (40, 120)}
+    assert rows == {(150, 150, 150), (80, 200, 110), (235, 70, 60)}
+
+
+def room_estimate(room: RoomCuboid) -> RoomEstimate:
+    layout = room.raster(CAMERA)
+    empty = np.zeros_like(layout)
+    return RoomEstimate(
+        Status.OK, layout, layout, empty, empty.astype(np.int32), np.eye(3), 1.0, 1.0, np.ones(5), room, ()
+    )
 
 
 def test_labels_stage_shows_the_colour_of_each_label() -> None:
@@ -79,12 +108,7 @@ def test_missing_depth_is_black_and_near_is_red() -> None:
 
 def test_top_down_draws_the_walls_where_they_are() -> None:
     room = RoomCuboid(np.eye(3), np.array([1.0, 1.0, 1.5, 3.0, 1.5]))
-    layout = room.raster(CAMERA)
-    frame = RgbdFrame(CAMERA, None, room.depth(CAMERA))
-    empty = np.zeros_like(layout)
-    estimate = RoomEstimate(
-        Status.OK, layout, layout, empty, empty.astype(np.int32), np.eye(3), 1.0, 1.0, np.ones(5), room, ()
-    )
+    frame, estimate = RgbdFrame(CAMERA, None, room.depth(CAMERA)), room_estimate(room)
     plan = draw_top_down(frame, estimate, (320, 240))
     walls = (plan == (40, 46, 56)).all(axis=2)
     columns, rows = np.nonzero(walls.sum(axis=0) > 60)[0], np.nonzero(walls.sum(axis=1) > 60)[0]

@@ -12,7 +12,7 @@ import argparse
 import importlib.util
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -30,6 +30,7 @@ from room_layout_ros.parallel import map_ordered
 BASELINES = {
     "constant": "constant layout",
     "percentile": "walls at the 98th percentile",
+    "depth": "our simple depth estimator",
 }
 
 
@@ -140,6 +141,8 @@ def _methods(arguments: argparse.Namespace, source: FrameSource) -> dict[str, Me
         methods[BASELINES["constant"]] = baselines.ConstantLayout.of(layouts)
     if "percentile" in wanted:
         methods[BASELINES["percentile"]] = baselines.percentile_walls
+    if "depth" in wanted:
+        methods[BASELINES["depth"]] = EstimatorMethod(replace(parse_settings(arguments.set), method="depth"))
     return methods
 
 

@@ -18,7 +18,7 @@ from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, FrameSource, good_samples
 from room_layout_ros.datasets.images import write_image
-from room_layout_ros.evaluation.stages import STAGES, Look, draw_all, draw_stage
+from room_layout_ros.evaluation.stages import STAGES, Look, draw_all, draw_stage, look_at
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,6 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
     frame = find_frame(source, arguments.frame)
     look = _look(frame, config, arguments.rgb_only)
     image = draw_all(look) if arguments.stage is None else draw_stage(arguments.stage, look)
+    if image is None:
+        raise DataError(f"frame {frame.name} has nothing to show at the stage {arguments.stage}")
     stage = "" if arguments.stage is None else f"-{arguments.stage}"
     out: Path = arguments.out or Path(f"view-{frame.name}{stage}.png")
     if out.suffix.lower() not in (".png", ".jpg"):
@@ -82,7 +84,7 @@ def _look(frame: RgbdFrame, config: EstimatorConfig, rgb_only: bool) -> Look:
     if rgb_only and frame.color is None:
         raise DataError(f"frame {frame.name} has no colour, and --rgb-only leaves the depth unused")
     frame = frame.without_depth() if rgb_only else frame
-    return Look(frame, LayoutEstimator(config).estimate(frame), config)
+    return look_at(frame, LayoutEstimator(config))
 
 
 def _to_viewer(arguments: argparse.Namespace, source: FrameSource, config: EstimatorConfig) -> None:

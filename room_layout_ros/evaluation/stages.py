@@ -9,60 +9,117 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimate import RoomEstimate
-from room_layout_ros.core.evidence.orientation_map import compute_orientation_map
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.evidence import pictures as evidence_pictures
+from room_layout_ros.core.evidence.depth_cues import compute_depth_cues
+from room_layout_ros.core.evidence.geometric_context import compute_geometric_context
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.lines import classify_segments, compute_line_segments
+from room_layout_ros.core.frame_evidence import describe_superpixels
+from room_layout_ros.core.lines import LineSegments, classify_segments, compute_line_segments
+from room_layout_ros.core.manhattan import ManhattanFrame, find_axes
+from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
+from room_layout_ros.core.tracking import TemporalPrior
 
 from . import pictures
 from .top_down import draw_top_down
 
 Image = NDArray[np.uint8]
 
-_AXIS_COLORS = ((250, 90, 80), (80, 210, 90), (80, 140, 255), (150, 150, 150))
-"""Line segments along X, Y, Z, and along none of them."""
+_SUPPORT, _BEYOND, _BEFORE = (80, 200, 110), (235, 70, 60), (150, 150, 150)
+_WITHIN_M, _WITHIN_SHARE = 0.05, 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """A frame with its estimate."""
+    """A frame, its estimate, and what the estimate was made of; None where the frame has no such evidence.
+
+    Attributes
+    ----------
+    segments, line_class : line segments and their axes. orientation : (H, W) uint8 orientation map.
+    superpixels : with planes. context : (K, 6) geometric context. cues : (K, 12) depth cues.
+    """
 
     frame: RgbdFrame
     estimate: RoomEstimate
-    config: EstimatorConfig
+    segments: LineSegments | None = None
+    line_class: NDArray[np.int8] | None = None
+    orientation: NDArray[np.uint8] | None = None
+    superpixels: Superpixels | None = None
+    context: NDArray[np.float64] | None = None
+    cues: NDArray[np.float64] | None = None
+
+
+def look_at(frame: RgbdFrame, estimator: LayoutEstimator) -> Look:
+    """Estimate a frame and gather its evidence, under the first naming of the axes, as the estimator does."""
+    estimate, config, camera = estimator.estimate(frame), estimator.config, frame.camera
+    geometry = compute_depth_geometry(frame, config)
+    color = frame.color if config.use_color else None
+    inverse_depth = None if geometry is None else geometry.inverse_depth
+    segments = None if color is None else compute_line_segments(color, config)
+    axes: ManhattanFrame | None = None
+    if geometry is not None or segments is not None:
+        axes = find_axes(geometry, segments, camera, config, TemporalPrior())
+    if axes is None:
+        return Look(frame, estimate)
+    superpixels = compute_superpixels(color, inverse_depth, config)
+    features, orientation = describe_superpixels(superpixels, color, inverse_depth, axes, camera, segments)
+    context = compute_geometric_context(features, estimator.models[geometry is not None].context)
+    line_class = None if segments is None else classify_segments(segments, axes.R_room_camera, camera)
+    cues = None if geometry is None else compute_depth_cues(superpixels, axes.R_room_camera, camera)
+    return Look(frame, estimate, segments, line_class, orientation, superpixels, context, cues)
 
 
 def _color(look: Look) -> Image:
     return pictures.base_image(look.frame)
 
 
-def _depth(look: Look) -> Image:
-    if look.frame.depth_m is None:
-        return np.zeros((*look.estimate.labels.shape, 3), np.uint8)
-    return pictures.paint_depth(look.frame.depth_m)
+def _depth(look: Look) -> Image | None:
+    return None if look.frame.depth_m is None else pictures.paint_depth(look.frame.depth_m)
 
 
 def _superpixels(look: Look) -> Image:
     return pictures.draw_superpixels(pictures.base_image(look.frame), look.estimate.superpixels)
 
 
-def _lines(look: Look) -> Image:
-    segments = compute_line_segments(pictures.base_image(look.frame), look.config)
-    classes = classify_segments(segments, look.estimate.R_room_camera, look.frame.camera)
-    out = pictures.base_image(look.frame) // 2
-    for (x1, y1, x2, y2), axis in zip(np.rint(segments.points).astype(int).tolist(), classes.tolist(), strict=True):
-        cv2.line(out, (x1, y1), (x2, y2), _AXIS_COLORS[axis], 2, cv2.LINE_AA)
+def _lines(look: Look) -> Image | None:
+    if look.segments is None or look.line_class is None:
+        return None
+    return evidence_pictures.draw_lines(pictures.base_image(look.frame), look.segments, look.line_class)
+
+
+def _orientation(look: Look) -> Image | None:
+    return None if look.orientation is None else evidence_pictures.draw_orientation(look.frame.color, look.orientation)
+
+
+def _context(look: Look) -> Image | None:
+    if look.superpixels is None or look.context is None:
+        return None
+    return evidence_pictures.draw_context(look.frame.color, look.superpixels, look.context)
+
+
+def _cues(look: Look) -> Image | None:
+    if look.superpixels is None or look.cues is None:
+        return None
+    sheet = evidence_pictures.draw_depth_cues(look.superpixels, look.cues)
+    height, width = look.frame.camera.height, look.frame.camera.width
+    return np.asarray(cv2.resize(sheet, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _support(look: Look) -> Image | None:
+    """Measured depth against the empty room's: on a face green, beyond it red, before it grey."""
+    depth_m, cuboid = look.frame.depth_m, look.estimate.cuboid
+    if depth_m is None or cuboid is None:
+        return None
+    empty = cuboid.depth(look.frame.camera)
+    out = (pictures.base_image(look.frame) // 3).astype(np.uint8)
+    with np.errstate(invalid="ignore"):
+        seen, slack = np.isfinite(depth_m) & (depth_m > 0), _WITHIN_M + _WITHIN_SHARE * empty
+        out[seen & (depth_m < empty - slack)] = _BEFORE
+        out[seen & (np.abs(depth_m - empty) <= slack)] = _SUPPORT
+        out[seen & (depth_m > empty + slack)] = _BEYOND
     return out
-
-
-def _orientation(look: Look) -> Image:
-    camera, R_room_camera = look.frame.camera, look.estimate.R_room_camera
-    segments = compute_line_segments(pictures.base_image(look.frame), look.config)
-    classes = classify_segments(segments, R_room_camera, camera)
-    return pictures.paint_labels(
-        pictures.base_image(look.frame), compute_orientation_map(segments, classes, R_room_camera, camera)
-    )
 
 
 def _labels(look: Look) -> Image:
@@ -70,40 +127,46 @@ def _labels(look: Look) -> Image:
 
 
 def _layout(look: Look) -> Image:
-    image = pictures.base_image(look.frame)
-    tinted = pictures.paint_labels(image, look.estimate.layout, 0.35)
+    tinted = pictures.paint_labels(pictures.base_image(look.frame), look.estimate.layout, 0.35)
     return pictures.draw_outlines(tinted, look.estimate.layout, pictures.ESTIMATE_COLOR)
 
 
-def _furniture(look: Look) -> Image:
+def _furniture(look: Look) -> Image | None:
+    if not look.estimate.furniture.any():
+        return None
     return pictures.paint_classes(pictures.base_image(look.frame), look.estimate.furniture)
 
 
-def _top_down(look: Look) -> Image:
+def _top_down(look: Look) -> Image | None:
+    if look.frame.depth_m is None or look.estimate.cuboid is None:
+        return None
     height, width = look.estimate.labels.shape
     return draw_top_down(look.frame, look.estimate, (width, height))
 
 
-STAGES: dict[str, tuple[str, Callable[[Look], Image]]] = {
+STAGES: dict[str, tuple[str, Callable[[Look], Image | None]]] = {
     "color": ("colour", _color),
-    "depth": ("depth, near red, far blue, black unmeasured", _depth),
+    "depth": ("depth: near red, far blue, black unmeasured", _depth),
     "superpixels": ("superpixels", _superpixels),
     "lines": ("lines along X red, Y green, Z blue", _lines),
     "orientation": ("orientation map", _orientation),
+    "context": ("geometric context: mixed colours are doubt", _context),
+    "cues": ("depth cues: six cosines, six distances", _cues),
+    "support": ("depth on a face green, beyond red, before grey", _support),
     "labels": ("labels", _labels),
     "layout": ("layout, behind furniture too", _layout),
     "furniture": ("furniture", _furniture),
     "top-down": ("from above, a square a metre", _top_down),
 }
-"""Name for --stage: caption, and what draws it."""
+"""Name for --stage: caption, and what draws it (None where the frame has nothing of it)."""
 
 
-def draw_stage(name: str, look: Look) -> Image:
-    """Return the picture of one stage at the size of the frame."""
+def draw_stage(name: str, look: Look) -> Image | None:
+    """Return the picture of one stage at the size of the frame, None where there is nothing to show."""
     return STAGES[name][1](look)
 
 
 def draw_all(look: Look, size: tuple[int, int] = (480, 360)) -> Image:
     """Return all stages that have something to show, three in a row."""
-    names = [name for name in STAGES if name != "furniture" or look.estimate.furniture.any()]
-    return pictures.tiles([(STAGES[name][0], draw_stage(name, look)) for name in names], 3, size)
+    drawn = [(caption, draw(look)) for caption, draw in STAGES.values()]
+    return pictures.tiles([(caption, image) for caption, image in drawn if image is not None], 3, size)
