@@ -113,6 +113,24 @@ class EstimatorConfig:
     )
     joint_bound: bool = _p(False, "compute the lower bound of the joint energy too")
     labelling_sweeps: int = _p(10, "sweeps of message passing at most", "", 1, 1000)
+    # free space (issue 5): the floor plane, the grid on it, obstacles and drops
+    free_space_resolution_m: float = _p(0.05, "side of a cell of the free-space grid", "m", 0.01, 0.5)
+    free_space_forward_m: float = _p(6.0, "the grid reaches this far ahead of the camera", "m", 0.5, 30.0)
+    free_space_side_m: float = _p(4.0, "the grid reaches this far to either side", "m", 0.5, 30.0)
+    floor_min_share: float = _p(0.005, "share of the image that must be floor to fit the floor plane", "", 0.0001, 0.5)
+    obstacle_min_height_m: float = _p(0.02, "what is lower lies on the floor and can be driven over", "m", 0.005, 0.5)
+    robot_height_m: float = _p(2.0, "what is higher the robot passes under", "m", 0.05, 5.0)
+    obstacle_noise_factor: float = _p(
+        3.0, "a pixel is an obstacle above this many standard deviations of the floor's height", "", 1.0, 10.0
+    )
+    obstacle_min_area: float = _p(
+        0.1, "visible surface that makes a cell occupied, as a share of a square of the cell's side", "", 0.0, 1.0
+    )
+    obstacle_margin_m: float = _p(0.10, "cells this near before an obstacle are not called free", "m", 0.0, 1.0)
+    free_min_seen: float = _p(0.4, "share of a cell's floor that must be seen to call it free", "", 0.05, 1.0)
+    free_beyond_walls: bool = _p(False, "floor seen beyond a wall of the room (open door) may be free")
+    scan_beams: int = _p(160, "beams of the scan across the field of view", "", 8, 4000)
+    cloud_step: int = _p(2, "one in so many pixels per row and column enters the obstacle and floor clouds", "", 1, 16)
 
     def __post_init__(self) -> None:
         for parameter in parameters(type(self)):

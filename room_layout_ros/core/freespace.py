@@ -1,0 +1,210 @@
+"""Where a robot can drive: the floor around the camera in cells that are free, occupied or not known.
+
+Free is only what was seen free. Occupied is what stands there, wall or thing, and a hole in the floor. Everything else,
+behind things, outside the room, where the sensor measured nothing, is not known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from .config import EstimatorConfig
+from .depth import DepthGeometry
+from .estimate import RoomEstimate
+from .floor_cells import FLOOR_PIXEL, OBSTACLE_PIXEL, FloorCells, sum_floor_cells
+from .floor_frame import floor_frame, room_outline, walls_on_floor
+from .floor_plane import FloorPlane, fit_floor
+from .scan import RangeScan, cast_scan
+
+UNKNOWN_CELL, FREE_CELL, OCCUPIED_CELL = -1, 0, 100
+
+_MIN_PIXELS = 3
+_MIN_HOLE = 0.3
+_RANGE_BAND_M = 0.5
+_LOW_SHARE = 0.6
+_LOW_SIGMAS = 4.0
+_DOUBT_SIGMAS = 2.5
+_BEHIND_CELLS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class FreeSpace:
+    """Free space of one frame.
+
+    Attributes
+    ----------
+    grid : (rows, cols) int8, -1 unknown, 0 free, 100 occupied; row i along y, column j along x (OccupancyGrid).
+    resolution_m, origin_m : side of a cell; x and y of the lower corner of cell (0, 0).
+    T_camera_floor : (4, 4) float64. Floor frame: origin below the camera, x ahead, y left, z up.
+    camera_height_m : over the floor. source : of the floor plane ("cuboid+depth", "tf+depth", "tf"...).
+    obstacles : (n, 3) float32 points of things (no walls, no ceiling), camera frame.
+    floor : (m, 3) float32 points of free floor, camera frame.
+    scan : RangeScan in the floor frame.
+    room_polygon_m : (k, 2) float64 the room on the floor, counter-clockwise, clipped to the grid; empty without a room.
+    """
+
+    grid: NDArray[np.int8]
+    resolution_m: float
+    origin_m: tuple[float, float]
+    T_camera_floor: NDArray[np.float64]
+    camera_height_m: float
+    source: str
+    obstacles: NDArray[np.float32]
+    floor: NDArray[np.float32]
+    scan: RangeScan
+    room_polygon_m: NDArray[np.float64]
+
+
+def compute_free_space(
+    geometry: DepthGeometry, estimate: RoomEstimate, config: EstimatorConfig, floor: FloorPlane | None = None
+) -> FreeSpace | None:
+    """Find the free floor around the camera.
+
+    Parameters
+    ----------
+    geometry : DepthGeometry
+        Of the frame.
+    estimate : RoomEstimate
+        Of the same frame.
+    config : EstimatorConfig
+    floor : FloorPlane, optional
+        Where TF, an IMU or parameters expect the floor; the cuboid's floor otherwise.
+
+    Returns
+    -------
+    FreeSpace or None
+        None where no floor is in view and none is given.
+    """
+    fit = fit_floor(geometry, estimate, config, floor)
+    if fit is None:
+        return None
+    T_camera_floor = floor_frame(fit.normal, fit.distance_m)
+    walls = walls_on_floor(estimate.cuboid if estimate.metric else None, T_camera_floor)
+    barriers = walls[:0] if config.free_beyond_walls else walls
+    cells = sum_floor_cells(geometry, fit, T_camera_floor, barriers, config)
+    thing = _occupied(cells, config)
+    grid = _decide(cells, thing, barriers, _half_view(geometry), config)
+    size, (x0, y0) = cells.resolution_m, cells.origin_m
+    box = (x0, y0, x0 + grid.shape[1] * size, y0 + grid.shape[0] * size)
+    return FreeSpace(
+        grid=grid,
+        resolution_m=size,
+        origin_m=cells.origin_m,
+        T_camera_floor=T_camera_floor,
+        camera_height_m=fit.distance_m,
+        source=fit.source,
+        obstacles=_cloud(geometry, cells, thing, OBSTACLE_PIXEL, config.cloud_step),
+        floor=_cloud(geometry, cells, grid == FREE_CELL, FLOOR_PIXEL, config.cloud_step),
+        scan=cast_scan(geometry, cells, grid, T_camera_floor, config.scan_beams),
+        room_polygon_m=room_outline(walls, box) if len(walls) else np.empty((0, 2)),
+    )
+
+
+def _occupied(cells: FloorCells, config: EstimatorConfig) -> NDArray[np.bool_]:
+    """Cells in which a thing stands: enough surface above the noise, or floor pixels that are too high on average."""
+    enough = (cells.obstacle >= config.obstacle_min_area) & (cells.obstacle_pixels >= _MIN_PIXELS)
+    return np.asarray(enough | _raised(cells, config, _LOW_SIGMAS, _LOW_SHARE))
+
+
+def _raised(cells: FloorCells, config: EstimatorConfig, sigmas: float, share: float) -> NDArray[np.bool_]:
+    """Cells whose floor pixels lie higher on average than cells at that distance do."""
+    x, y = cells.centres()
+    band = (np.hypot(x, y) / _RANGE_BAND_M).astype(int)
+    sigma = np.full(int(band.max()) + 1, np.inf)
+    known = cells.floor_pixels >= _MIN_PIXELS
+    for k in np.unique(band[known]):
+        heights = np.abs(cells.height_m[known & (band == k)])
+        if len(heights) >= 10:
+            sigma[k] = 1.4826 * float(np.median(heights))
+    limit = np.maximum(share * config.obstacle_min_height_m, sigmas * sigma[band])
+    return known & (cells.height_m > limit)
+
+
+def _decide(
+    cells: FloorCells,
+    thing: NDArray[np.bool_],
+    walls: NDArray[np.float64],
+    half_view: float,
+    config: EstimatorConfig,
+) -> NDArray[np.int8]:
+    doubtful = _raised(cells, config, _DOUBT_SIGMAS, 0.5)
+    free = (cells.seen >= config.free_min_seen) & ~doubtful & (cells.obstacle < 0.3 * config.obstacle_min_area)
+    x, y = cells.centres()
+    inside = np.ones(free.shape, bool)
+    for a, b, c, _ in walls:
+        inside &= a * x + b * y <= c
+    wall = _wall_cells(cells, walls, half_view, config)
+    grid = np.full(free.shape, UNKNOWN_CELL, np.int8)
+    grid[free & inside & ~wall] = FREE_CELL
+    hole = cells.hole >= _MIN_HOLE
+    grid[((thing | hole) & inside) | wall] = OCCUPIED_CELL
+    reach = np.hypot(x, y) - 0.5 * cells.resolution_m
+    nearest = np.where(cells.obstacle >= config.obstacle_min_area, cells.nearest_m, reach)
+    nearest = np.where((thing | hole) & inside, nearest, np.inf).astype(np.float32)
+    _keep_away(grid, nearest, walls, *cells.origin_m, cells.resolution_m, config.obstacle_margin_m)
+    return grid
+
+
+def _wall_cells(
+    cells: FloorCells, walls: NDArray[np.float64], half_view: float, config: EstimatorConfig
+) -> NDArray[np.bool_]:
+    """Cells that a wall in view stands on, but for where the floor goes on behind it: an open door."""
+    x, y = cells.centres()
+    half = 0.5 * cells.resolution_m
+    rows, cols = np.indices(x.shape)
+    result = np.zeros(x.shape, bool)
+    for a, b, c, _ in walls:
+        on = np.abs(a * x + b * y - c) < half * (abs(a) + abs(b))
+        # The foot of a wall looks like floor a cell behind it; a door shows floor farther on.
+        behind_row = np.clip(rows + round(_BEHIND_CELLS * b), 0, x.shape[0] - 1)
+        behind_col = np.clip(cols + round(_BEHIND_CELLS * a), 0, x.shape[1] - 1)
+        result |= on & (cells.seen[behind_row, behind_col] < config.free_min_seen)
+    for a, b, c, _ in walls:
+        result &= a * x + b * y <= c + half * (abs(a) + abs(b))
+    return np.asarray(result & (np.abs(np.arctan2(y, x)) <= half_view))
+
+
+def _half_view(geometry: DepthGeometry) -> float:
+    c = geometry.camera
+    return float(max(np.arctan2(c.cx + 0.5, c.fx), np.arctan2(c.width - 0.5 - c.cx, c.fx)))
+
+
+def _cloud(
+    geometry: DepthGeometry, cells: FloorCells, where: NDArray[np.bool_], kind: int, step: int
+) -> NDArray[np.float32]:
+    """(n, 3) float32 points of one kind of pixels whose cell is chosen."""
+    kinds, index = cells.kind[::step, ::step], cells.cell[::step, ::step]
+    v, u = np.nonzero((kinds == kind) & (index >= 0) & where.ravel()[index])
+    rays = geometry.camera.rays()[::step, ::step][v, u]
+    return rays / geometry.inverse_depth[::step, ::step][v, u][:, None]
+
+
+@njit(cache=True, nogil=True)
+def _keep_away(grid, nearest, walls, x0, y0, size, margin):  # type: ignore[no-untyped-def]
+    """Free cells that have a thing or a wall within the margin behind them, as seen from the camera, become unknown."""
+    rows, cols = grid.shape
+    steps = int(np.ceil((margin + size) / (0.5 * size)))
+    for i in range(rows):
+        y = y0 + (i + 0.5) * size
+        for j in range(cols):
+            if grid[i, j] != 0:
+                continue
+            x = x0 + (j + 0.5) * size
+            r = np.sqrt(x * x + y * y)
+            ex, ey = x / r, y / r
+            near = False
+            for k in range(1, steps + 1):
+                m = int(np.floor((y + 0.5 * k * size * ey - y0) / size))
+                n = int(np.floor((x + 0.5 * k * size * ex - x0) / size))
+                if 0 <= m < rows and 0 <= n < cols and nearest[m, n] <= r + margin:
+                    near = True
+            for k in range(len(walls)):
+                ahead = walls[k, 0] * (x + margin * ex) + walls[k, 1] * (y + margin * ey)
+                if ahead >= walls[k, 2]:
+                    near = True
+            if near:
+                grid[i, j] = -1

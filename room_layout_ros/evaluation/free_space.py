@@ -1,0 +1,165 @@
+"""How right is the free space: against the construction of synthetic rooms, cell by cell.
+
+The truth is made of two exact things: which cells are occupied (`floor_map` of the scene, walls and outside included)
+and which part of a cell's floor is in sight (samples of the cell against the depth without noise). A cell is truly free
+where nothing stands in it and at least half of it is in sight. "In front of" is along the ray from the camera's foot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from room_layout_ros.core.freespace import FREE_CELL, FreeSpace
+from room_layout_ros.datasets.sample import FloorMap, Sample
+from room_layout_ros.datasets.synthetic import SyntheticRoom, floor_map
+
+from .geometry import grid_iou
+
+NEAR_M = 4.0
+"""Free space is scored up to this distance from the camera's foot."""
+
+MARGIN_M = 0.10
+CHECKED_M = (1.0, 3.0)
+"""Distances at which no cell within `MARGIN_M` in front of an obstacle may be called free."""
+
+OBSTACLE_M = 0.05
+"""Height from which on a thing is an obstacle in that check."""
+
+_SAMPLES = 5
+_FINE_M = 0.01
+_STEPS = 11
+
+
+@dataclass(frozen=True, slots=True)
+class TrueFreeSpace:
+    """What is true of the cells of a grid (rows along y, columns along x, as `FreeSpace.grid`).
+
+    Attributes
+    ----------
+    occupied : (rows, cols) bool, something stands in the cell, or it is not all inside the room.
+    in_sight : (rows, cols) float64 share of its floor that the camera sees.
+    measured : (rows, cols) float64 share of its floor that the camera sees and has a depth for.
+    near_obstacle : (rows, cols) bool, an obstacle of `OBSTACLE_M` stands in the cell or within `MARGIN_M` behind its
+        centre, at `CHECKED_M`.
+    near_anything : (rows, cols) bool, an occupied place is within `MARGIN_M` behind its centre.
+    range_m : (rows, cols) float64 distance of the centre.
+    """
+
+    occupied: NDArray[np.bool_]
+    in_sight: NDArray[np.float64]
+    measured: NDArray[np.float64]
+    near_obstacle: NDArray[np.bool_]
+    near_anything: NDArray[np.bool_]
+    range_m: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FreeSpaceScore:
+    """Of one frame.
+
+    Attributes
+    ----------
+    iou : of the free cells within `NEAR_M`, the margin in front of obstacles taken out of the truth too.
+    iou_plain : the same with no margin in the truth. iou_measured : as `iou`, cells without depth out of the truth.
+    false_free : cells called free that are occupied or out of the room. too_near : cells called free within
+        `MARGIN_M` in front of an obstacle of `OBSTACLE_M` at `CHECKED_M`. free : cells called free.
+    """
+
+    iou: float
+    iou_plain: float
+    iou_measured: float
+    false_free: int
+    too_near: int
+    free: int
+
+
+def true_free_space(
+    room: SyntheticRoom, sample: Sample, resolution_m: float, forward_m: float, side_m: float
+) -> TrueFreeSpace:
+    """Return the truth on a grid that reaches `forward_m` ahead and `side_m` to either side of the camera.
+
+    Raises
+    ------
+    ValueError
+        When the sample has no pose or no true depth.
+    """
+    if sample.T_world_camera is None or sample.truth is None or sample.truth.depth_m is None:
+        raise ValueError(f"sample {sample.name} has no pose or no true depth; a rendered sample is needed")
+    pose = sample.T_world_camera
+    extent = {"forward_m": (0.0, forward_m), "right_m": (-side_m, side_m)}
+    occupied = _ros_order(floor_map(room, pose, resolution_m, **extent), "cells") > 0
+    fine = floor_map(room, pose, _FINE_M, (0.0, forward_m + 0.2), (-side_m - 0.2, side_m + 0.2))
+    height = np.asarray(_ros_order(fine, "height_m"))
+    rows, cols = occupied.shape
+    x = (np.arange(cols) + 0.5)[None, :] * resolution_m + np.zeros((rows, 1))
+    y = (np.arange(rows) + 0.5)[:, None] * resolution_m - side_m + np.zeros((1, cols))
+    in_sight, measured = _sight(sample, pose, x, y, resolution_m)
+    own = _ros_order(floor_map(room, pose, resolution_m, **extent), "height_m")
+    range_m = np.hypot(x, y)
+    obstacle = np.isfinite(own) & (own >= OBSTACLE_M) & (range_m >= CHECKED_M[0]) & (range_m <= CHECKED_M[1])
+    anything = np.zeros_like(obstacle)
+    for s in np.linspace(0.0, MARGIN_M, _STEPS):
+        px, py = x * (1 + s / range_m), y * (1 + s / range_m)
+        i = np.clip(((py + side_m + 0.2) / _FINE_M).astype(int), 0, height.shape[0] - 1)
+        j = np.clip((px / _FINE_M).astype(int), 0, height.shape[1] - 1)
+        there = height[i, j]
+        at = np.hypot(px, py)
+        obstacle |= np.isfinite(there) & (there >= OBSTACLE_M) & (at >= CHECKED_M[0]) & (at <= CHECKED_M[1])
+        anything |= there > 0
+    return TrueFreeSpace(occupied, in_sight, measured, obstacle, anything, range_m)
+
+
+def score_free_space(truth: TrueFreeSpace, free_space: FreeSpace | None) -> FreeSpaceScore:
+    """Compare; no estimate counts as nothing free."""
+    called = np.zeros_like(truth.occupied) if free_space is None else free_space.grid == FREE_CELL
+    near = truth.range_m <= NEAR_M
+    plain = ~truth.occupied & (truth.in_sight >= 0.5) & near
+    kept = plain & ~truth.near_anything
+    measured = kept & (truth.measured >= 0.5)
+    return FreeSpaceScore(
+        iou=grid_iou(kept, called & near),
+        iou_plain=grid_iou(plain, called & near),
+        iou_measured=grid_iou(measured, called & near & ((truth.measured >= 0.5) | ~kept)),
+        false_free=int((called & truth.occupied & near).sum()),
+        too_near=int((called & truth.near_obstacle).sum()),
+        free=int((called & near).sum()),
+    )
+
+
+def _ros_order(truth: FloorMap, name: str) -> NDArray[np.float32]:
+    """Turn (forward, right) into (left, forward), the order of OccupancyGrid."""
+    return np.ascontiguousarray(getattr(truth, name).T[::-1])
+
+
+def _sight(
+    sample: Sample, pose: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], size: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Shares of each cell's floor that are in sight, and in sight with a measurement."""
+    assert sample.truth is not None
+    assert sample.truth.depth_m is not None
+    camera, true_depth, sensed = sample.frame.camera, sample.truth.depth_m, sample.frame.depth_m
+    forward = pose[:2, 2] / np.linalg.norm(pose[:2, 2])
+    left = np.array([-forward[1], forward[0]])
+    seen, measured = np.zeros(x.shape), np.zeros(x.shape)
+    offsets = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5) * size
+    for dx in offsets:
+        for dy in offsets:
+            world = np.stack(
+                [pose[k, 3] + (x + dx) * forward[k] + (y + dy) * left[k] for k in range(2)] + [np.zeros_like(x)], axis=-1
+            )
+            point = (world - pose[:3, 3]) @ pose[:3, :3]
+            z = np.maximum(point[..., 2], 1e-3)
+            u = np.rint(point[..., 0] / z * camera.fx + camera.cx).astype(int)
+            v = np.rint(point[..., 1] / z * camera.fy + camera.cy).astype(int)
+            within = (point[..., 2] > 0.05) & (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
+            u, v = np.clip(u, 0, camera.width - 1), np.clip(v, 0, camera.height - 1)
+            # A pixel covers Z / f of the floor across and Z^2 / (f h) along it.
+            slack = 0.01 + 0.5 * z * z / (camera.fy * pose[2, 3])
+            there = within & (np.abs(true_depth[v, u] - z) < slack)
+            seen += there
+            if sensed is not None:
+                measured += there & np.isfinite(sensed[v, u])
+    return seen / _SAMPLES**2, measured / _SAMPLES**2
