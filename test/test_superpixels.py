@@ -111,7 +111,7 @@ def test_sums_and_planes_are_those_of_the_pixels(rng: np.random.Generator) -> No
     w = rng.uniform(0.2, 0.5, index.shape).astype(np.float32)
     w[rng.random(w.shape) < 0.3] = 0
     nobody = np.zeros((count, N_CENTER), np.float32)
-    sums = accumulate(lab, w, NO_GRADIENT, nobody, index, 1, 1, True, True, False)
+    sums = accumulate(lab, w, NO_GRADIENT, nobody, index, 1, 1, False)
     for k in range(count):
         mask = index == k
         assert sums[k, 0] == mask.sum()
@@ -184,7 +184,7 @@ def test_merging_respects_planes_that_meet_at_an_edge(rng: np.random.Generator) 
     index = np.repeat((np.arange(90, dtype=np.int32) // 30)[None], 30, axis=0)
     nobody = np.zeros((3, N_CENTER), np.float32)
     lab = np.full((3, 30, 90), 128, np.uint8)
-    sums = accumulate(lab, w, NO_GRADIENT, nobody, index, 1, 1, True, True, False)
+    sums = accumulate(lab, w, NO_GRADIENT, nobody, index, 1, 1, False)
     ids, _ = merge_superpixels(sums, np.array([[0, 1], [1, 2]], np.int32), 2, 0.01, 1.0, 0.004, 0.0, 1.5)
     np.testing.assert_array_equal(ids, [0, 0, 1])
 

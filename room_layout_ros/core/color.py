@@ -79,16 +79,15 @@ def _lab_table() -> NDArray[np.int32]:
 def _look_up(inside, table, height, width, top, left, row_px):  # type: ignore[no-untyped-def]
     lab = np.empty((3, (height + row_px - 1) // row_px, width), np.uint8)
     rows, columns = inside.shape[:2]
-    packed = np.empty(columns, np.int32)
     for y in range(lab.shape[1]):
         i = min(max(y * row_px - top, 0), rows - 1)
         for j in range(columns):
-            r, g, b = np.int32(inside[i, j, 0]), np.int32(inside[i, j, 1]), np.int32(inside[i, j, 2])
-            packed[j] = table[((r >> 2) << 12) | ((g >> 2) << 6) | (b >> 2)]
+            r, g, b = np.int32(inside[i, j, 0] >> 2), np.int32(inside[i, j, 1] >> 2), np.int32(inside[i, j, 2] >> 2)
+            packed = table[(r << 12) | (g << 6) | b]
+            lab[0, y, left + j] = packed & 255
+            lab[1, y, left + j] = (packed >> 8) & 255
+            lab[2, y, left + j] = packed >> 16
         for c in range(3):
-            shift = np.int32(8 * c)
-            for j in range(columns):
-                lab[c, y, left + j] = (packed[j] >> shift) & 255
             lab[c, y, :left] = lab[c, y, left]
             lab[c, y, left + columns :] = lab[c, y, left + columns - 1]
     return lab

@@ -113,7 +113,7 @@ def compute_superpixels(
     min_pixels = max(1, int(_MIN_SHARE * spacing**2))
     pieces, edges, edge_length = connect(index, min_pixels, _GAP_PX, images.row_px, height)
     nobody = np.zeros((int(pieces.max()) + 1, N_CENTER), np.float32)
-    sums = accumulate(*images.planes, nobody, pieces, 1, images.row_px, *images.has)
+    sums = accumulate(*images.planes, nobody, pieces, 1, images.row_px, images.has[2])
     ids, sums = merge_superpixels(sums, edges, config.superpixel_count, *_merge_weights(config))
     full, moments = expand(pieces, ids, len(sums), images.row_px, height)
     edges, edge_length = regroup_edges(edges, edge_length, ids, len(sums))
@@ -123,7 +123,7 @@ def compute_superpixels(
         count=len(sums),
         pixels=moments[:, 0].astype(np.int32),
         center_px=(moments[:, 1:] / moments[:, :1]).astype(np.float32),
-        mean_lab=(sums[:, 3:6] / sums[:, :1]).astype(np.float32),
+        mean_lab=(sums[:, 3:6] / sums[:, :1]).astype(np.float32) * np.float32(color is not None),
         plane=plane,
         plane_rms=plane_rms,
         measured=(sums[:, 6] / sums[:, 0]).astype(np.float32),
@@ -135,7 +135,7 @@ def compute_superpixels(
 
 @dataclass(frozen=True, slots=True)
 class _Images:
-    """The frame in planes, as the kernels read it, and which of them there are; absent ones are single pixels."""
+    """The frame in planes, as the kernels read it, and which of them there are; absent ones are 0."""
 
     size: tuple[int, int]
     row_px: int
@@ -150,8 +150,9 @@ def _images(
 ) -> _Images:
     size = _checked_size(color, inverse_depth)
     row_px = 2 if size[0] * size[1] >= _THIN_ROWS**2 * config.superpixel_count else 1
-    lab = np.zeros((3, 1, 1), np.uint8) if color is None else compute_lab(np.ascontiguousarray(color), row_px)
-    w, gradient = np.zeros((1, 1), np.float32), np.zeros((2, 1, 1), np.float32)
+    shape = -(-size[0] // row_px), size[1]
+    lab = np.zeros((3, *shape), np.uint8) if color is None else compute_lab(np.ascontiguousarray(color), row_px)
+    w, gradient = np.zeros(shape, np.float32), np.zeros((2, 1, 1), np.float32)
     by_gradient = inverse_depth is not None and config.superpixel_lambda_gradient > 0
     if inverse_depth is not None:
         w = np.ascontiguousarray(inverse_depth[::row_px])
@@ -216,7 +217,7 @@ def _update(
     images: _Images, centers: NDArray[np.float32], index: NDArray[np.int32], step: int, config: EstimatorConfig
 ) -> None:
     noise = (config.superpixel_noise_inverse_depth, config.superpixel_noise_depth_m)
-    sums = accumulate(*images.planes, centers, index, step, images.row_px, *images.has)
+    sums = accumulate(*images.planes, centers, index, step, images.row_px, images.has[2])
     move_centers(sums, centers, *noise, config.superpixel_lambda_depth, config.superpixel_depth_cap)
 
 
