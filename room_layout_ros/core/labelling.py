@@ -176,9 +176,9 @@ def _trws(unary, edges, pairwise, starts, codes, messages, labels, sweeps):  # t
         new_bound = 0.0
         for i in range(nodes - 1, -1, -1):
             new_bound += _send(pairwise, starts, codes, messages, unary, i, 1, belief, out)
-        stalled = new_bound - bound < 1e-7 * (1.0 + abs(new_bound))
+        stalled = new_bound - bound < 1e-6 * (1.0 + abs(new_bound))
         bound = max(bound, new_bound)
-        if stalled or best_energy - bound < 1e-9 * (1.0 + abs(bound)):
+        if stalled or best_energy - bound < 1e-7 * (1.0 + abs(bound)):
             break
     _descend(unary, edges, pairwise, starts, codes, best)
     return best, _energy(unary, edges, pairwise, best), bound
