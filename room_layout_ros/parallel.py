@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -83,16 +83,49 @@ def map_ordered(
     Exception
         Whatever `function` raises.
     """
-    if jobs < 1:
-        raise ValueError(f"jobs is {jobs}; it must be 1 or more")
-    if scheduler is None and jobs == 1:
-        results: Iterator[R] = map(function, items)
-    else:
-        results = _map_pool(function, items, _DaskPool(scheduler) if scheduler else _LokyPool(jobs), lost)
+    pool = _open_pool(jobs, scheduler)
+    results = map(function, items) if pool is None else _map_pool(function, items, pool, lost)
     for count, result in enumerate(results, 1):
         if progress:
             progress(count)
         yield result
+
+
+class Spread(Protocol):
+    """`map_ordered` on workers that stay."""
+
+    def __call__(self, function: Callable[[T], R], items: Iterable[T], /) -> Iterator[R]:
+        """Yield `function(item)` for every item, in order."""
+
+
+@contextmanager
+def open_workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Spread]:
+    """Keep the processes, and what they have cached, for several maps (the rounds of a learning).
+
+    Raises
+    ------
+    ValueError
+        When `jobs` is below 1.
+    """
+    pool = _open_pool(jobs, scheduler)
+
+    def spread(function: Callable[[T], R], items: Iterable[T], /) -> Iterator[R]:
+        return map(function, items) if pool is None else _map_pool(function, items, pool, None, keep=True)
+
+    try:
+        yield spread
+    finally:
+        if pool is not None:
+            pool.close()
+
+
+def _open_pool(jobs: int, scheduler: str | None) -> _Pool | None:
+    """Return where the work goes; None is here."""
+    if jobs < 1:
+        raise ValueError(f"jobs is {jobs}; it must be 1 or more")
+    if scheduler is not None:
+        return _DaskPool(scheduler)
+    return None if jobs == 1 else _LokyPool(jobs)
 
 
 @dataclass(slots=True)
@@ -103,7 +136,7 @@ class _Task(Generic[T]):
 
 
 def _map_pool(
-    function: Callable[[T], R], items: Iterable[T], pool: _Pool, lost: Callable[[T], R] | None
+    function: Callable[[T], R], items: Iterable[T], pool: _Pool, lost: Callable[[T], R] | None, keep: bool = False
 ) -> Iterator[R]:
     source = iter(items)
     pending: deque[_Task[T]] = deque()
@@ -128,7 +161,8 @@ def _map_pool(
     finally:
         for task in pending:
             task.future.cancel()
-        pool.close()
+        if not keep:
+            pool.close()
 
 
 def _submit(function: Callable[[T], R], item: T, pool: _Pool) -> _Task[T]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Generic, Protocol, TypeVar
@@ -10,12 +10,10 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..parallel import Spread
+
 Example = TypeVar("Example")
 ExampleIn = TypeVar("ExampleIn", contravariant=True)
-
-Answer = Callable[[Sequence[int]], list["Separation"]]
-Spread = Callable[[Answer, Iterable[Sequence[int]]], Iterator[list["Separation"]]]
-"""map_ordered with its jobs and scheduler chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +81,7 @@ class SpreadSeparator:
     Attributes
     ----------
     answer : picklable `answer(weights, indices) -> list[Separation]` that loads and caches examples by index.
-    count : number of examples. spread : `map_ordered` with its jobs or scheduler.
+    count : number of examples. spread : of `parallel.open_workers`.
     chunk : examples per item of work.
     """
 
