@@ -14,7 +14,7 @@ from .joint import JointEstimate
 from .labels import CLUTTER, N_FACES
 from .layout import RoomCuboid
 from .manhattan import ManhattanFrame
-from .room_fit import FittedRoom, refine_room, room_cells
+from .room_fit import FittedRoom, refine_room, room_cells, search_room
 from .superpixels import Superpixels
 from .wall_naming import name_walls
 
@@ -29,6 +29,9 @@ def refine_cuboid(
 ) -> RoomCuboid:
     """Turn the axes and move the planes of the discrete optimum to the best continuous cuboid; needs depth.
 
+    The refinement starts from the joint solution and from the best cuboid over candidate offsets (`room_fit`), and keeps
+    the better one.
+
     Parameters
     ----------
     cuboid : RoomCuboid
@@ -39,7 +42,8 @@ def refine_cuboid(
     if geometry is None:
         return cuboid
     cells = room_cells(geometry, context, superpixels.index)
-    room = refine_room(cells, FittedRoom(cuboid.R_room_camera, cuboid.distances, np.inf))
+    starts = (FittedRoom(cuboid.R_room_camera, cuboid.distances, np.inf), search_room(cells, cuboid.R_room_camera))
+    room = min((refine_room(cells, start) for start in starts), key=lambda room: room.cost)
     return RoomCuboid(room.R_room_camera, room.distances)
 
 
