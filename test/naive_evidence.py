@@ -91,3 +91,14 @@ def room_sums(
                 out[index[y, x], 0] += 1
                 out[index[y, x], 1:] += R @ rays[y, x] / inverse[y, x]
     return out
+
+
+def neighbour_means(values: np.ndarray, edges: np.ndarray, length: np.ndarray) -> np.ndarray:
+    out = np.full(values.shape, np.nan)
+    for i in range(len(values)):
+        touching = [(int(b if a == i else a), float(w)) for (a, b), w in zip(edges, length, strict=True) if i in (a, b)]
+        for k in range(values.shape[1]):
+            known = [(values[j, k], w) for j, w in touching if not np.isnan(values[j, k])]
+            if known:
+                out[i, k] = np.average([v for v, _ in known], weights=[w for _, w in known])
+    return out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import naive_evidence as naive
@@ -11,7 +12,12 @@ import pytest
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.evidence import pictures
 from room_layout_ros.core.evidence.depth_cues import compute_depth_cues, superpixel_planes
-from room_layout_ros.core.evidence.features import SuperpixelFeatures, compute_superpixel_features
+from room_layout_ros.core.evidence.features import (
+    SuperpixelFeatures,
+    _neighbour_means,
+    compute_superpixel_features,
+    look_around,
+)
 from room_layout_ros.core.evidence.geometric_context import (
     ContextModel,
     compute_geometric_context,
@@ -27,6 +33,8 @@ from room_layout_ros.core.lines import LineSegments, classify_segments
 from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
 from room_layout_ros.core.vanishing_points import _rotation
 from room_layout_ros.core.weights import WeightsError
+from room_layout_ros.datasets.folder import open_folder
+from room_layout_ros.learning.context_table import describe_frame
 
 CAMERA = CameraIntrinsics(160, 120, 130.0, 130.0, 80.0, 60.0)
 CONFIG = EstimatorConfig(superpixel_count=60)
@@ -156,6 +164,49 @@ def test_columns_depend_on_depth_only_and_missing_colour_is_nan(scene: Scene) ->
     assert set(rgb.names) < set(both.names)
     assert np.isnan(no_color.values[:, no_color.names.index("L")]).all()
     assert len(set(both.names)) == len(both.names)
+
+
+def test_means_over_neighbours_equal_the_naive_ones(scene: Scene, rng: np.random.Generator) -> None:
+    superpixels = scene[3]
+    values = rng.normal(size=(superpixels.count, 4))
+    values[rng.random(values.shape) < 0.3] = np.nan
+    values[:, 3] = np.nan
+    fast = _neighbour_means(values, superpixels.edges, superpixels.edge_length)
+    truth = naive.neighbour_means(values, superpixels.edges, superpixels.edge_length)
+    assert np.allclose(fast, truth, equal_nan=True)
+    assert np.isnan(fast[:, 3]).all()
+
+
+def test_looking_around_finds_the_superpixel_at_the_offset() -> None:
+    x, y = (grid.ravel() for grid in np.meshgrid(np.arange(0.05, 1, 0.1), np.arange(0.05, 0.7, 0.1) / 0.75))
+    columns = {"x": x, "y": y, "L": 10 * x, "a": np.zeros_like(x), "b": np.zeros_like(x), "gradient": y}
+    found = look_around(columns, 0.75)
+    right = found["right_L"][x < 0.8]
+    assert np.allclose(right, 1.0)  # 0.12 widths away is the next superpixel, whose L is 1 more
+    assert np.isnan(found["right_L"][x > 0.9]).all()
+    inside = ~np.isnan(found["above_gradient"])
+    assert np.allclose((y - found["above_gradient"])[inside], 0.1 / 0.75)
+
+
+@pytest.mark.parametrize(("model", "depth", "limit"), [("rgbd", True, 0.13), ("rgb", False, 0.28)])
+def test_shipped_context_tells_structure_from_clutter_on_frames_never_trained_on(
+    data_root: Path, repository: Path, model: str, depth: bool, limit: float
+) -> None:
+    context_model = load_context(repository / "config" / f"context_{model}.npz")
+    names = json.loads((data_root / "nyuv2" / "splits.json").read_text())["layout_dev"][::4]
+    folder = open_folder(data_root / "nyuv2")
+    errors = []
+    for name in names:
+        sample = folder.read(f"{name:04d}")
+        assert sample.truth is not None
+        assert sample.truth.labels is not None
+        described = describe_frame(sample.frame, EstimatorConfig(use_depth=depth))
+        assert described is not None
+        superpixels, _, features = described
+        clutter = compute_geometric_context(features, context_model).argmax(axis=1)[superpixels.index] == 5
+        known = sample.truth.labels > 0
+        errors.append((clutter != (sample.truth.labels == 6))[known].mean())
+    assert np.mean(errors) < limit
 
 
 def _model(names: tuple[str, ...]) -> ContextModel:

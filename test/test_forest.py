@@ -51,7 +51,7 @@ def test_binary_export_gives_log_odds() -> None:
 
 def test_arrays_round_trip_through_a_file_without_pickle(fitted: Fitted, tmp_path: Path) -> None:
     x, _, forest = fitted
-    np.savez(tmp_path / "f.npz", **forest.to_arrays("a_"))
+    np.savez(tmp_path / "f.npz", allow_pickle=False, **forest.to_arrays("a_"))
     with np.load(tmp_path / "f.npz", allow_pickle=False) as archive:
         again = Forest.from_arrays(dict(archive), "a_")
     assert np.array_equal(again.evaluate(x), forest.evaluate(x))

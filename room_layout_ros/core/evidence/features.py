@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from ..frame import CameraIntrinsics
@@ -363,20 +364,29 @@ _SURROUNDINGS = (
 def _add_surroundings(columns: Columns, superpixels: Superpixels) -> None:
     """Append the border-weighted means of some columns over the neighbours."""
     names = [name for name in _SURROUNDINGS if name in columns]
-    values = np.stack([columns[name] for name in names], axis=1)
-    known = np.isfinite(values)
-    filled = np.where(known, values, 0.0)
-    total = np.zeros_like(values)
-    weight = np.zeros_like(values)
-    i, j = superpixels.edges[:, 0], superpixels.edges[:, 1]
-    length = superpixels.edge_length[:, None].astype(np.float64)
-    for here, there in ((i, j), (j, i)):
-        np.add.at(total, here, length * filled[there])
-        np.add.at(weight, here, length * known[there])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean = total / weight
+    values = np.ascontiguousarray(np.stack([columns[name] for name in names], axis=1), np.float64)
+    mean = _neighbour_means(values, superpixels.edges, superpixels.edge_length)
     for k, name in enumerate(names):
         columns[f"around_{name}"] = mean[:, k]
+
+
+@njit(cache=True, nogil=True)
+def _neighbour_means(values, edges, length):  # type: ignore[no-untyped-def]
+    """(K, c) means over the neighbours that know the value, weighted by the common border; NaN where none does."""
+    total = np.zeros_like(values)
+    weight = np.zeros_like(values)
+    for e in range(edges.shape[0]):
+        for side in range(2):
+            here, there = edges[e, side], edges[e, 1 - side]
+            for k in range(values.shape[1]):
+                value = values[there, k]
+                if value == value:
+                    total[here, k] += length[e] * value
+                    weight[here, k] += length[e]
+    for i in range(values.shape[0]):
+        for k in range(values.shape[1]):
+            total[i, k] = total[i, k] / weight[i, k] if weight[i, k] > 0.0 else np.nan
+    return total
 
 
 _NEAR, _FAR = 0.12, 0.3
