@@ -79,10 +79,10 @@ def run(arguments: argparse.Namespace) -> int:
     if not frames:
         raise DataError(f"{source.title} holds no frame with a true layout; layout/NAME.png is needed")
     scores = [SetScore(title, tuple(frame.scores[title] for frame in frames)) for title in methods]
+    # Files first: whoever reads the table through a pipe may close it early.
+    written = [] if arguments.out is None else _write(arguments, source, scores, frames)
     print(f"{source.title}: {len(frames)} frames with a true layout; percent, 95 % bootstrap interval\n")
-    print(tables.text_table(scores))
-    if arguments.out is not None:
-        _write(arguments, source, scores, frames)
+    print("\n".join([tables.text_table(scores), "", *map(str, written)]).rstrip())
     return 0
 
 
@@ -182,17 +182,17 @@ def read_curve(path: Path) -> dict[float, dict[str, float]]:
 
 def _write(
     arguments: argparse.Namespace, source: FrameSource, scores: list[SetScore], frames: list[ComparedFrame]
-) -> None:
+) -> list[Path]:
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)
     facts = {"input": source.title, "subset": arguments.frames or "every frame with a true layout"}
     write_atomically(out / "summary.json", tables.summary_json(scores, **facts).encode())
     write_atomically(out / "frames.csv", tables.frames_csv(scores).encode())
-    written = ["summary.json", "frames.csv"]
+    written = [out / "summary.json", out / "frames.csv"]
     if not arguments.no_report:
         from room_layout_ros.evaluation.report import report_html
 
         curve = None if arguments.curve is None else read_curve(arguments.curve)
         write_atomically(out / "report.html", report_html(scores, frames, source.title, curve).encode())
-        written.append("report.html")
-    print("\n" + "\n".join(str(out / name) for name in written))
+        written.append(out / "report.html")
+    return written

@@ -12,6 +12,7 @@ import numpy as np
 
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimate import RoomEstimate
+from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.datasets import Sample
 from room_layout_ros.datasets.images import encode_image
@@ -19,6 +20,7 @@ from room_layout_ros.datasets.images import encode_image
 from . import pictures
 from .prediction import Prediction
 from .scores import FrameScore, Method, score_frame
+from .stages import draw_stage, look_at
 from .superpixel_table import Row, segmentation_of
 
 _WARM: set[EstimatorMethod] = set()
@@ -65,12 +67,28 @@ def compare(methods: Mapping[str, Method], superpixels: EstimatorConfig | None, 
         first = first or prediction
         scores[title] = score_frame(sample, prediction)
     assert first is not None
-    picture = _picture(sample, first, next(iter(scores.values())))
+    evidence: list[tuple[str, pictures.Image]] = []
+    leading = next(iter(methods.values()))
+    if superpixels is not None and isinstance(leading, EstimatorMethod):
+        evidence = _evidence(leading, sample)
+    picture = _picture(sample, first, next(iter(scores.values())), evidence)
     rows = segmentation_of(sample, superpixels) if superpixels else {}
     return ComparedFrame(sample.name, scores, picture, rows)
 
 
-def _picture(sample: Sample, prediction: Prediction, score: FrameScore) -> bytes:
+def _evidence(method: EstimatorMethod, sample: Sample) -> list[tuple[str, pictures.Image]]:
+    """Return the first columns of the paper's Figure 5: orientation map and geometric context."""
+    frame = sample.frame.without_depth() if method.rgb_only else sample.frame
+    look = look_at(frame, _make(method.config))
+    drawn = [
+        (name, draw_stage(stage, look)) for name, stage in (("orientation map", "orientation"), ("context", "context"))
+    ]
+    return [(name, image) for name, image in drawn if image is not None]
+
+
+def _picture(
+    sample: Sample, prediction: Prediction, score: FrameScore, evidence: list[tuple[str, pictures.Image]]
+) -> bytes:
     truth = sample.truth
     assert truth is not None
     assert truth.layout is not None
@@ -79,7 +97,7 @@ def _picture(sample: Sample, prediction: Prediction, score: FrameScore) -> bytes
     layout, labels = rename[prediction.layout], rename[prediction.labels]
     outlined = pictures.draw_outlines(image, truth.layout, pictures.TRUTH_COLOR)
     outlined = pictures.draw_outlines(outlined, layout, pictures.ESTIMATE_COLOR, 2)
-    row = [("layout: truth red, ours blue", outlined)]
+    row = [("layout: truth red, ours blue", outlined), *evidence]
     if sample.frame.depth_m is not None:
         row.append(("depth", pictures.paint_depth(sample.frame.depth_m)))
     if truth.labels is not None:
@@ -88,12 +106,14 @@ def _picture(sample: Sample, prediction: Prediction, score: FrameScore) -> bytes
     if truth.furniture is not None and prediction.furniture is not None:
         row.append(("true furniture", pictures.paint_classes(image, truth.furniture)))
         row.append(("our furniture", pictures.paint_classes(image, prediction.furniture)))
-    return encode_image(".jpg", pictures.tiles(row, len(row), (240, 180)), jpeg_quality=85)
+    return encode_image(".jpg", pictures.tiles(row, 4, (280, 210)), jpeg_quality=82)
+
+
+def _estimator(config: EstimatorConfig) -> Callable[[RgbdFrame], RoomEstimate]:
+    return _make(config).estimate
 
 
 @lru_cache(maxsize=2)
-def _estimator(config: EstimatorConfig) -> Callable[[RgbdFrame], RoomEstimate]:
-    from room_layout_ros.core.estimator import LayoutEstimator
-
+def _make(config: EstimatorConfig) -> LayoutEstimator:
     cv2.setNumThreads(1)
-    return LayoutEstimator(config).estimate
+    return LayoutEstimator(config)
