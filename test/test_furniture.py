@@ -1,0 +1,67 @@
+"""Furniture classes on clutter superpixels: painted by id, kept in a file, refused when wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.evidence.features import SuperpixelFeatures
+from room_layout_ros.core.forest import Forest
+from room_layout_ros.core.furniture import (
+    FURNITURE_IDS,
+    FurnitureModel,
+    classify_furniture,
+    load_furniture,
+    paint_furniture,
+    save_furniture,
+)
+from room_layout_ros.core.superpixels import compute_superpixels
+from room_layout_ros.core.weights import WeightsError
+
+
+def _stump(outputs: int = 7) -> Forest:
+    """Rows with feature 0 above 0.5 are beds (output 1), the others anything else."""
+    return Forest(
+        np.array([0, -1, -1], np.int16),
+        np.array([0.5, 0.0, 9.0], np.float32),
+        np.array([True, False, False]),
+        np.array([1, 0, 0], np.int16),
+        np.array([2, 0, 0], np.int16),
+        np.array([0], np.int32),
+        np.array([1], np.int16),
+        np.append(np.zeros(outputs - 1), 4.0).astype(np.float32),
+    )
+
+
+def test_classes_are_painted_on_clutter_only() -> None:
+    color = np.random.default_rng(0).integers(0, 255, (60, 80, 3), dtype=np.uint8)
+    superpixels = compute_superpixels(color, None, EstimatorConfig(superpixel_count=16))
+    values = (np.arange(superpixels.count) % 2).astype(np.float32)[:, None]
+    probability = classify_furniture(SuperpixelFeatures(values, ("a",)), FurnitureModel(("a",), _stump()))
+    assert np.allclose(probability.sum(axis=1), 1.0)
+    labels = np.full(superpixels.count, 6, np.uint8)
+    labels[1] = 4
+    image = paint_furniture(superpixels, labels, probability)
+    painted = np.array([image[superpixels.index == i][0] for i in range(superpixels.count)])
+    assert painted[0] == 0
+    assert painted[1] == 0
+    assert (painted[3::2] == FURNITURE_IDS[1]).all()
+    assert FURNITURE_IDS[1] == 4
+
+
+def test_model_survives_its_file_and_damage_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "f.npz"
+    save_furniture(FurnitureModel(("a",), _stump(), {"note": "stump"}), path)
+    assert load_furniture(path).card["note"] == "stump"
+    assert load_furniture(path).names == ("a",)
+    path.write_bytes(path.read_bytes()[:-40])
+    with pytest.raises(WeightsError):
+        load_furniture(path)
+
+
+def test_wrong_number_of_outputs_is_refused() -> None:
+    with pytest.raises(ValueError, match="5 outputs"):
+        FurnitureModel(("a",), _stump(5))
