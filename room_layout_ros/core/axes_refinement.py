@@ -121,30 +121,40 @@ def _turn(normals, axes, weights, line_normals, line_weights, R):  # type: ignor
         total = 0.0
         for i in range(len(axes)):
             t = R[axes[i]]
-            residual = np.cross(t, normals[i])  # rotation vector that takes the axis to the normal
-            w = weights[i] / (1.0 + (residual**2).sum() / _CAUCHY_RAD**2)
+            rx, ry, rz = cross(t, normals[i])  # rotation vector that takes the axis to the normal
+            w = weights[i] / (1.0 + (rx * rx + ry * ry + rz * rz) / _CAUCHY_RAD**2)
             total += weights[i]
-            g += w * residual
+            g[0] += w * rx
+            g[1] += w * ry
+            g[2] += w * rz
             for j in range(3):
                 A[j, j] += w
                 for k in range(3):
                     A[j, k] -= w * t[j] * t[k]  # a normal says nothing about the rotation around itself
         for i in range(len(line_normals)):
-            axis, miss = -1, _LINE_TOLERANCE_RAD
+            n = line_normals[i]
+            axis, signed = -1, _LINE_TOLERANCE_RAD
             for k in range(3):
-                off = abs((R[k] * line_normals[i]).sum())
-                if off < miss:
-                    axis, miss = k, off
+                off = R[k, 0] * n[0] + R[k, 1] * n[1] + R[k, 2] * n[2]
+                if abs(off) < abs(signed):
+                    axis, signed = k, off
             if axis < 0:
                 continue
-            signed = (R[axis] * line_normals[i]).sum()
-            gradient = np.cross(R[axis], line_normals[i])  # of signed, by the rotation vector
+            gx, gy, gz = cross(R[axis], n)  # gradient of `signed` by the rotation vector
             w = line_weights[i] / (1.0 + signed**2 / _LINE_SIGMA_RAD**2)
             total += w
-            g -= w * signed * gradient
-            for j in range(3):
-                for k in range(3):
-                    A[j, k] += w * gradient[j] * gradient[k]
+            g[0] -= w * signed * gx
+            g[1] -= w * signed * gy
+            g[2] -= w * signed * gz
+            A[0, 0] += w * gx * gx
+            A[1, 1] += w * gy * gy
+            A[2, 2] += w * gz * gz
+            A[0, 1] += w * gx * gy
+            A[0, 2] += w * gx * gz
+            A[1, 2] += w * gy * gz
+            A[1, 0] += w * gx * gy
+            A[2, 0] += w * gx * gz
+            A[2, 1] += w * gy * gz
         for j in range(3):
             A[j, j] += 1e-3 * total + 1e-9
         step = np.linalg.solve(A, g)
@@ -152,6 +162,12 @@ def _turn(normals, axes, weights, line_normals, line_weights, R):  # type: ignor
         if (step**2).sum() < 1e-12:
             break
     return R
+
+
+@njit(cache=True, nogil=True, inline="always")
+def cross(a, b):  # type: ignore[no-untyped-def]
+    """Cross product as three numbers; numpy's allocates."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @njit(cache=True, nogil=True)
@@ -165,7 +181,7 @@ def _rotate_rows(R, vector):  # type: ignore[no-untyped-def]
     turned = np.empty((3, 3))
     for k in range(3):
         dot = (u * R[k]).sum()
-        turned[k] = c * R[k] + s * np.cross(u, R[k]) + (1.0 - c) * dot * u
+        turned[k] = c * R[k] + s * np.array(cross(u, R[k])) + (1.0 - c) * dot * u
     return turned
 
 

@@ -22,16 +22,18 @@ from .layout import FACE_AXIS, FACE_SIGN
 KINDS = 4
 """Kinds of a cell: ceiling, floor, wall, clutter."""
 
-_COSTS = np.array([1.5, 0.8, 0.12, 0.004, 0.10, 0.025, 0.7])
+_COSTS = np.array([1.5, 0.8, 0.12, 0.004, 0.10, 0.025, 0.7, 1.0])
 """Wrong kind of face (also: no face), clutter beyond, clutter apart per metre (to 1 m), each face in use, tolerance
 in m and per metre, factor for wall beyond (windows, doors and mirrors show what is behind). Unit: a wall cell
 that is off its plane."""
 
 _COARSE = 7
+_REFINED_PARTS = 3
+"""The pattern search looks at so many of the `_COARSE` interleaved parts of the cells; least squares at all."""
 _SWEEPS = 3
 _FIRST_TURN_RAD = np.deg2rad(1.0)
 _FIRST_SHIFT_M = 0.06
-_HALVINGS = 6
+_HALVINGS = 4
 _ROUNDS = 4
 _POLISH_ROUNDS = 6
 _POLISH_SIGMAS = 4.0
@@ -111,12 +113,14 @@ def search_room(cells: RoomCells, R: NDArray[np.float64]) -> FittedRoom:
 
 def refine_room(cells: RoomCells, room: FittedRoom) -> FittedRoom:
     """Pattern search over three rotations and the finite distances, halving the steps, then least squares on the inliers."""
-    R, distances, cost = _refine(
+    R, distances, _ = _refine(
         cells.rays, cells.inverse_depth, cells.probability, room.R_room_camera, room.distances, _COSTS
     )
     R, distances = _polish(cells.rays, cells.inverse_depth, cells.probability, R, distances)
     u, _, vt = np.linalg.svd(R)
-    return FittedRoom(np.asarray(u @ vt), distances, float(cost))
+    R = np.asarray(u @ vt)
+    cost = mean_cost(cells.rays, cells.inverse_depth, cells.probability, R, distances, _COSTS, len(cells.rays), np.inf)
+    return FittedRoom(R, distances, float(cost))
 
 
 def _candidates(cells: RoomCells, R: NDArray[np.float64]) -> list[list[float]]:
@@ -217,7 +221,7 @@ def mean_cost(rays, inverse_depth, probability, R, distances, costs, count, limi
             if offset > 0.0:
                 total += off * (mine * (costs[6] if face >= 2 else 1.0) + clutter * costs[1])
             else:
-                total += off * mine + clutter * costs[2] * min(-offset, 1.0)
+                total += off * mine * costs[7] + clutter * costs[2] * min(-offset, 1.0)
         if i % 64 == 63 and total > stop:
             return np.inf
     faces = 0
@@ -260,7 +264,8 @@ def _search(rays, inverse_depth, probability, R, table, sizes, costs):  # type: 
 @njit(cache=True, nogil=True)
 def _refine(rays, inverse_depth, probability, R, distances, costs):  # type: ignore[no-untyped-def]
     distances = distances.copy()
-    best = mean_cost(rays, inverse_depth, probability, R, distances, costs, len(rays), np.inf)
+    count = len(rays) * _REFINED_PARTS // _COARSE
+    best = mean_cost(rays, inverse_depth, probability, R, distances, costs, count, np.inf)
     turn, shift = _FIRST_TURN_RAD, _FIRST_SHIFT_M
     for _ in range(_HALVINGS):
         for _ in range(_ROUNDS):
@@ -275,7 +280,7 @@ def _refine(rays, inverse_depth, probability, R, distances, costs):  # type: ign
                     else:
                         trial = distances.copy()
                         trial[k - 3] = max(trial[k - 3] + sign * shift, _MIN_DISTANCE_M)
-                    cost = mean_cost(rays, inverse_depth, probability, trial_R, trial, costs, len(rays), best)
+                    cost = mean_cost(rays, inverse_depth, probability, trial_R, trial, costs, count, best)
                     if cost < best - 1e-7:
                         best, improved = cost, True
                         R, distances = trial_R, trial
