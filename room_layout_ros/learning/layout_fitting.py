@@ -165,8 +165,11 @@ def _as_fit(
     R = U @ Vt
     visible = np.isin(np.arange(1, 6), RoomCuboid(R, distances).raster(frame.camera))
     distances = np.where(visible, distances, np.inf)
-    if not visible[FRONT_FACE] and visible[LEFT_FACE] != visible[RIGHT_FACE]:
-        R, distances = _turned(R, distances, to_left=bool(visible[LEFT_FACE]))
+    facing = np.where(visible, FACE_SIGN * R[FACE_AXIS, 2], -np.inf)[LEFT_FACE:]
+    front = LEFT_FACE + int(facing.argmax())
+    opposite = {LEFT_FACE: RIGHT_FACE, RIGHT_FACE: LEFT_FACE}
+    if front in opposite and not visible[opposite[front]]:
+        R, distances = _turned(R, distances, to_left=front == LEFT_FACE)
     cuboid = RoomCuboid(R, distances)
     return LayoutFit(cuboid, cuboid.raster(frame.camera), cost, _quality(seen, cuboid))
 
@@ -176,10 +179,10 @@ def _turned(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The same room with its left (or right) wall called front."""
     x, y, z = R
-    ceiling, floor, left, _, right = distances
+    ceiling, floor, left, front, right = distances
     if to_left:
-        return np.stack([z, y, -x]), np.array([ceiling, floor, np.inf, left, np.inf])
-    return np.stack([-z, y, x]), np.array([ceiling, floor, np.inf, right, np.inf])
+        return np.stack([z, y, -x]), np.array([ceiling, floor, np.inf, left, front])
+    return np.stack([-z, y, x]), np.array([ceiling, floor, front, right, np.inf])
 
 
 def _quality(seen: FitObservation, cuboid: RoomCuboid, tolerance_m: float = 0.12) -> float:
