@@ -97,7 +97,7 @@ def decode_depth(message: ImageLike) -> NDArray[np.float32]:
     """
     layout = _depth_layout(message)
     pixels = layout.view(message)
-    _check_unit(pixels, message.encoding)
+    check_unit(pixels, message.encoding)
     if layout.dtype.kind == "u":
         return depth_from_mm(pixels)
     depth_m = pixels.astype(np.float32)
@@ -148,7 +148,11 @@ def _layout(what: str, message: ImageLike, channels: int, dtype: np.dtype[np.gen
     return _Layout(height, width, channels, dtype, step)
 
 
-def _check_unit(pixels: NDArray[np.generic], encoding: str) -> None:
+def check_unit(pixels: NDArray[np.generic], encoding: str) -> None:
+    """Raise ValueError when most distances are beyond any depth camera: then the unit is another.
+
+    `pixels` are mm for 16UC1 and mono16, metres for 32FC1.
+    """
     probe = pixels[_PROBE_STEP // 2 :: _PROBE_STEP, _PROBE_STEP // 2 :: _PROBE_STEP].astype(np.float32)
     measured = probe[(probe > 0) & (probe < np.inf)]
     if measured.size == 0:

@@ -5,14 +5,17 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Protocol
 
 import cv2
+import numpy as np
 import rclpy
+from numpy.typing import NDArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, JumpThreshold
 from rclpy.clock_type import ClockType
@@ -29,7 +32,9 @@ from rclpy.utilities import ok, try_shutdown
 from msg_adapters import messages
 from msg_adapters.camera_info import CameraReading
 from msg_adapters.encode_diagnostics import encode_diagnostics
+from msg_adapters.encode_navigation import encode_transform
 from msg_adapters.encode_room import encode_label_names
+from msg_adapters.stamp import decode_stamp
 
 from . import parameters
 from .core.config import EstimatorConfig
@@ -37,19 +42,27 @@ from .core.estimate import RoomEstimate
 from .core.estimator import LayoutEstimator
 from .core.frame import RgbdFrame
 from .core.tracking import TemporalPrior
-from .inputs import INPUT_TOPICS, assemble, read_camera, read_image
+from .datasets.calibration import read_calibration
+from .floor_pose import FloorPose
+from .inputs import INPUT_TOPICS, ImageItem, assemble, read_camera, read_image, transport_of, used_inputs
 from .node_config import NodeConfig
 from .outputs import OUTPUTS, send
 from .runtime.diagnosis import Finding, InputFacts, Level, NodeFacts, diagnose
 from .runtime.pairing import COLOR, DEPTH, Pair, PairingRules
-from .runtime.session import CAMERA, EstimatorSession, RefusedError, SessionRules
+from .runtime.session import CAMERA, CAMERAS, EstimatorSession, RefusedError, SessionRules
 from .runtime.throttle import Throttle
 from .runtime.warm_up import warm_up_frame
+from .scene import Scene
+from .transforms import Transforms
 
 NODE_NAME = "estimator"
 LABEL_NAMES_TOPIC = "~/label_names"
 DIAGNOSTICS_TOPIC = "/diagnostics"
 
+IMU_TOPIC = "imu"
+
+_SUBSCRIPTION = attrgetter("color_transport", "depth_transport", "depth_registered", "pose_source")
+"""Settings that need the inputs to be subscribed anew."""
 _SENSOR_DEPTH = 5
 _LISTENER_PERIOD_S = 0.1
 _REPEAT_S = 10.0
@@ -76,6 +89,12 @@ class _Settings:
 
     node: NodeConfig
     estimator: Estimator
+    camera: CameraReading | None = None
+    """From a file, in the place of camera_info."""
+
+    def used(self) -> dict[str, bool]:
+        """Return which streams are needed."""
+        return used_inputs(self.node, self.estimator.config)
 
     def rules(self) -> SessionRules:
         config = self.estimator.config
@@ -101,6 +120,8 @@ class Shell:
         self._throttle = Throttle()
         parameters.declare(node, (EstimatorConfig, NodeConfig))
         self._settings = self._read_settings()
+        self._transforms = Transforms(node)
+        self._floor_pose = FloorPose(self._transforms.find)
         node.add_on_set_parameters_callback(self._check_parameters)
         node.add_post_set_parameters_callback(self._apply_parameters)
         self._session: EstimatorSession | None = None
@@ -135,6 +156,8 @@ class Shell:
         self._diagnostics = node.create_publisher(messages.DiagnosticArray, DIAGNOSTICS_TOPIC, 10)
         self._own = [label_names, self._diagnostics]
         self._session = EstimatorSession(self, self._settings.rules())
+        if self._settings.camera is not None:
+            self._session.add_camera(CAMERA, 0, self._settings.camera)
         self._health = self._session.health()
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # sim time may stand still
         for name, period_s, work in (
@@ -173,14 +196,20 @@ class Shell:
         start = time.monotonic()
         cv2.setNumThreads(1)  # OpenCV's pool only steals the core of the callbacks
         frame = warm_up_frame()
-        estimate = self._settings.estimator.estimate(frame)
+        settings = self._settings
+        scene = Scene(frame, settings.estimator.estimate(frame), settings.node, settings.estimator.config)
         for output in OUTPUTS:
-            output.encode(frame, estimate, self._settings.node)
+            output.encode(scene)
         self._node.get_logger().info(f"warm after {time.monotonic() - start:.1f} s")
 
-    def assemble(self, pair: Pair[Any], camera: CameraReading) -> RgbdFrame:
+    def assemble(self, pair: Pair[ImageItem], cameras: Mapping[str, CameraReading | None]) -> RgbdFrame:
         """Decode a pair."""
-        return assemble(pair, camera)
+        return assemble(pair, cameras, self._settings.node, self._transforms.find)
+
+    def gravity(self, frame: RgbdFrame) -> NDArray[np.float64] | None:
+        """Say which way is down."""
+        floor = self._floor_pose.expect(frame.frame_id, frame.stamp_ns, self._settings.node)
+        return None if floor is None else floor.normal
 
     def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None) -> RoomEstimate:
         """Estimate the room."""
@@ -188,7 +217,15 @@ class Shell:
 
     def publish(self, frame: RgbdFrame, estimate: RoomEstimate) -> None:
         """Send what somebody listens to."""
-        send(frame, estimate, self._settings.node, self._publishers)
+        settings = self._settings
+        floor = self._floor_pose.expect(frame.frame_id, frame.stamp_ns, settings.node)
+        scene = Scene(frame, estimate, settings.node, settings.estimator.config, floor)
+        on_floor = send(scene, self._publishers)
+        if on_floor and scene.free_space is not None and settings.node.broadcast_floor:
+            T_camera_floor = scene.free_space.T_camera_floor
+            self._transforms.broadcast(
+                encode_transform(T_camera_floor, frame.stamp_ns, frame.frame_id, scene.floor_frame)
+            )
 
     def complain(self, cause: str, sentence: str) -> None:
         """Log, at most one line per second and cause."""
@@ -225,23 +262,34 @@ class Shell:
         return bool(self._node.get_parameter("use_sim_time").value) and self.now_ns() == 0
 
     def _subscribe(self) -> None:
-        kinds = {COLOR: messages.Image, DEPTH: messages.Image, CAMERA: messages.CameraInfo}
-        used = self._used()
-        for stream, topic in INPUT_TOPICS.items():
-            if not used[stream]:
+        settings = self._settings
+        if settings.node.pose_source in ("auto", "tf", "imu") or not settings.node.depth_registered:
+            self._transforms.listen()
+        for stream, wanted in settings.used().items():
+            if not wanted:
                 continue
+            topic = self._topic(stream)
             qos = QoSProfile(depth=_SENSOR_DEPTH, reliability=QoSReliabilityPolicy.BEST_EFFORT)
             events = SubscriptionEventCallbacks(
                 message_lost=partial(self._on_lost, stream), incompatible_qos=partial(self._on_clash, stream)
             )
             self._inputs[stream] = self._node.create_subscription(
-                kinds[stream],
+                self._message_kind(stream),
                 topic,
                 partial(self._guard, f"callback of {stream}", self._on_message, stream),
                 qos,
                 event_callbacks=events,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
                 raw=True,
+            )
+        if settings.node.pose_source == "imu":
+            qos = QoSProfile(depth=_SENSOR_DEPTH, reliability=QoSReliabilityPolicy.BEST_EFFORT)
+            self._inputs[IMU_TOPIC] = self._node.create_subscription(
+                messages.Imu,
+                IMU_TOPIC,
+                partial(self._guard, "callback of imu", self._on_imu),
+                qos,
+                qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             )
         self._subscribed_at = time.monotonic()
         self._node.get_logger().info(f"listening to {', '.join(s.topic_name for s in self._inputs.values())}")
@@ -252,24 +300,39 @@ class Shell:
         if self._inputs and self._session is not None:
             self._session.reset()
         self._inputs, self._clashes = {}, {}
+        self._floor_pose.reset()
 
-    def _used(self) -> dict[str, bool]:
-        config = self._settings.estimator.config
-        return {COLOR: config.use_color, DEPTH: config.use_depth, CAMERA: True}
+    def _topic(self, stream: str) -> str:
+        """Return the resolved topic of a stream; image_transport puts the transport behind the remapped name."""
+        base: str = self._node.resolve_topic_name(INPUT_TOPICS[stream])
+        transport = transport_of(stream, self._settings.node)
+        return base if transport == "raw" else f"{base}/{transport}"
+
+    def _message_kind(self, stream: str) -> type:
+        if stream in CAMERAS:
+            return messages.CameraInfo
+        raw = transport_of(stream, self._settings.node) == "raw"
+        return messages.Image if raw else messages.CompressedImage
 
     def _on_message(self, stream: str, serialized: bytes) -> None:
         if self._session is None:
             return
         self._clashes.pop(stream, None)
         try:
-            if stream == CAMERA:
+            if stream in CAMERAS:
                 stamp_ns, camera = read_camera(serialized)
-                if self._session.add_camera(stamp_ns, camera) and camera.warning:
+                if self._session.add_camera(stream, stamp_ns, camera) and camera.warning:
                     self._node.get_logger().warning(camera.warning)
             else:
-                self._session.add_image(stream, *read_image(stream, serialized))
+                compressed = transport_of(stream, self._settings.node) != "raw"
+                self._session.add_image(stream, *read_image(stream, serialized, compressed))
         except RefusedError as refused:
             self._session.refuse(stream, refused.reason, str(refused))
+
+    def _on_imu(self, message: Any) -> None:
+        a = message.linear_acceleration
+        stamp_ns = decode_stamp(message.header.stamp)
+        self._floor_pose.add_imu(stamp_ns, message.header.frame_id, np.array([a.x, a.y, a.z]))
 
     def _on_lost(self, stream: str, info: Any) -> None:
         if self._session is not None:
@@ -294,8 +357,10 @@ class Shell:
     # ---- parameters
 
     def _read_settings(self) -> _Settings:
-        config = parameters.read(self._node, EstimatorConfig)
-        return _Settings(parameters.read(self._node, NodeConfig), self._make_estimator(config))
+        config, node = parameters.read(self._node, EstimatorConfig), parameters.read(self._node, NodeConfig)
+        camera = read_calibration(Path(node.camera_file)).intrinsics if node.camera_file else None
+        reading = None if camera is None else CameraReading(camera, "", "")
+        return _Settings(node, self._make_estimator(config), reading)
 
     def _changed(self, changes: Sequence[Any]) -> tuple[EstimatorConfig, NodeConfig]:
         values = {p.name: p.value for p in changes}
@@ -311,12 +376,12 @@ class Shell:
 
     def _apply_parameters(self, changes: Sequence[Any]) -> None:
         config, node = self._changed(changes)
-        before, used = self._settings.estimator, self._used()
-        estimator = before if config == before.config else self._make_estimator(config)
-        self._settings = _Settings(node, estimator)
+        old = self._settings
+        same = config == old.estimator.config
+        self._settings = _Settings(node, old.estimator if same else self._make_estimator(config), old.camera)
         if self._session is not None:
             self._session.configure(self._settings.rules())
-        if used != self._used():
+        if old.used() != self._settings.used() or _SUBSCRIPTION(old.node) != _SUBSCRIPTION(node):
             self._unsubscribe()  # the timer subscribes anew
 
     # ---- diagnostics
@@ -334,13 +399,12 @@ class Shell:
             self._tell(finding)
 
     def _facts(self) -> NodeFacts:
-        node, used = self._node, self._used()
         inputs = {}
-        for stream, topic in INPUT_TOPICS.items():
-            resolved = node.resolve_topic_name(topic)
-            inputs[stream] = InputFacts(
-                resolved, used[stream], node.count_publishers(resolved), self._clashes.get(stream, "")
-            )
+        for stream, wanted in self._settings.used().items():
+            if wanted or stream in (COLOR, DEPTH, CAMERA):
+                topic = self._topic(stream)
+                publishers = self._node.count_publishers(topic)
+                inputs[stream] = InputFacts(topic, wanted, publishers, self._clashes.get(stream, ""))
         return NodeFacts(
             inputs=inputs,
             state=self._state(),
@@ -348,6 +412,7 @@ class Shell:
             no_data_timeout_s=self._settings.node.no_data_timeout,
             max_stamp_gap_s=self._settings.node.max_stamp_gap,
             profile=str(dds_profile()),
+            floor=self._floor_pose.source,
         )
 
     def _tell(self, finding: Finding) -> None:

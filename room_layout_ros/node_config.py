@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import json
 import textwrap
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from .core.config import EstimatorConfig, Parameter, Value, parameters
 from .core.config import _p as setting
@@ -36,10 +40,39 @@ class NodeConfig:
     no_data_timeout: float = setting(
         5.0, "silence after which missing input is an error on /diagnostics", "s", 0.5, 3600.0
     )
+    color_transport: str = setting("raw", "transport of the colour image", choices=("raw", "compressed"))
+    depth_transport: str = setting("raw", "transport of the depth image", choices=("raw", "compressedDepth"))
+    camera_file: str = setting(
+        "", "ROS camera calibration YAML used instead of rgb/camera_info (empty: the topic)", runtime=False
+    )
+    depth_registered: bool = setting(
+        True, "depth comes in the view of the colour camera; false: register it here, with depth/camera_info"
+    )
+    depth_to_color: str = setting(
+        "", "pose of the depth camera in the colour camera's frame, 'x y z qx qy qz qw' (empty: from TF)"
+    )
     lazy_inputs: bool = setting(True, "subscribe to the inputs only while an output has a listener")
     # estimation
     warm_start: bool = setting(
         True, "hand the axes of one frame to the next (false: each frame alone, bit-equal to the offline result)"
+    )
+    # pose of the camera over the floor
+    pose_source: str = setting(
+        "auto",
+        "where the floor is expected: tf (plane z = 0 of robot_frame), imu (topic imu), parameters (camera_height, "
+        "camera_pitch_deg, camera_roll_deg), estimate (the floor that is seen), auto (tf where known, else estimate)",
+        choices=("auto", "tf", "imu", "parameters", "estimate"),
+    )
+    robot_frame: str = setting("base_footprint", "frame of the robot on the floor, z up (REP-120)")
+    camera_height: float = setting(0.0, "height of the camera over the floor (0: not known)", "m", 0.0, 10.0)
+    camera_pitch_deg: float = setting(0.0, "the camera looks down by this angle", "deg", -90.0, 90.0)
+    camera_roll_deg: float = setting(0.0, "the camera leans to its right by this angle", "deg", -180.0, 180.0)
+    imu_to_camera: str = setting(
+        "", "pose of the IMU in the camera's optical frame, 'x y z qx qy qz qw' (empty: from TF, or the same frame)"
+    )
+    floor_frame: str = setting("", "frame of grid and scan, on the floor below the camera (empty: CAMERA_FRAME_floor)")
+    broadcast_floor: bool = setting(
+        True, "send the floor frame as a child of the camera's on /tf (where tf2 is installed)"
     )
     # outputs
     marker_lifetime: float = setting(0.5, "markers vanish from RViz after this (0: never)", "s", 0.0, 3600.0)
@@ -48,10 +81,42 @@ class NodeConfig:
     def __post_init__(self) -> None:
         for parameter in parameters(type(self)):
             object.__setattr__(self, parameter.name, parameter.check(getattr(self, parameter.name)))
+        for pose in (self.depth_to_color, self.imu_to_camera):
+            if pose:
+                parse_pose(pose)
         if self.max_stamp_gap >= self.reset_gap:
             raise ValueError(
                 f"max_stamp_gap is {self.max_stamp_gap} s; it must be below reset_gap, which is {self.reset_gap} s"
             )
+
+
+FindTransform = Callable[[str, str], NDArray[np.float64] | None]
+"""(target frame, source frame) -> (4, 4) that takes points of the source to the target, or None."""
+
+
+def parse_pose(text: str) -> NDArray[np.float64]:
+    """Return "x y z qx qy qz qw" (metres, quaternion of any length but 0) as a (4, 4) transform.
+
+    Raises
+    ------
+    ValueError
+        When these are not seven finite numbers or the quaternion is zero.
+    """
+    try:
+        values = np.array([float(word) for word in text.split()])
+    except ValueError:
+        values = np.empty(0)
+    if values.size != 7 or not np.isfinite(values).all() or not values[3:].any():
+        raise ValueError(f"pose is {text[:80]!r}; it must be seven numbers 'x y z qx qy qz qw'")
+    x, y, z, w = values[3:] / np.linalg.norm(values[3:])
+    pose = np.eye(4)
+    pose[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    pose[:3, 3] = values[:3]
+    return pose
 
 
 TABLES = (("estimator", EstimatorConfig), ("node", NodeConfig))

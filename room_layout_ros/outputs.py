@@ -8,19 +8,20 @@ from typing import Any
 
 from msg_adapters import messages
 from msg_adapters.encode_image import encode_image
+from msg_adapters.encode_navigation import encode_cloud, encode_grid, encode_outline, encode_pose, encode_scan
 from msg_adapters.encode_room import encode_markers, encode_polygons
 
-from .core.estimate import RoomEstimate
-from .core.frame import RgbdFrame
+from .core.freespace import FreeSpace
 from .core.picture import draw_overlay
-from .node_config import NodeConfig
+from .scene import Scene
 
-Encode = Callable[[RgbdFrame, RoomEstimate, NodeConfig], Sequence[Any]]
+Encode = Callable[[Scene], Sequence[Any]]
+"""Return the messages of a scene; none where it has nothing of the kind (no floor in view)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """A topic, its message class and how an estimate becomes messages of it."""
+    """A topic, its message class and how a scene becomes messages of it."""
 
     topic: str
     message: type
@@ -28,30 +29,72 @@ class Output:
     """Messages that the publisher keeps for slow listeners."""
     encode: Encode
     meaning: str
+    on_floor: bool = False
+    """True where the message lies in the floor frame, not in the camera's."""
 
 
-def _labels(frame: RgbdFrame, estimate: RoomEstimate, config: NodeConfig) -> Sequence[Any]:
-    return [encode_image(estimate.labels, frame.stamp_ns, frame.frame_id)]
+def _labels(scene: Scene) -> Sequence[Any]:
+    return [encode_image(scene.estimate.labels, scene.frame.stamp_ns, scene.frame.frame_id)]
 
 
-def _layout(frame: RgbdFrame, estimate: RoomEstimate, config: NodeConfig) -> Sequence[Any]:
-    return [encode_image(estimate.layout, frame.stamp_ns, frame.frame_id)]
+def _layout(scene: Scene) -> Sequence[Any]:
+    return [encode_image(scene.estimate.layout, scene.frame.stamp_ns, scene.frame.frame_id)]
 
 
-def _furniture(frame: RgbdFrame, estimate: RoomEstimate, config: NodeConfig) -> Sequence[Any]:
-    return [encode_image(estimate.furniture, frame.stamp_ns, frame.frame_id)]
+def _furniture(scene: Scene) -> Sequence[Any]:
+    return [encode_image(scene.estimate.furniture, scene.frame.stamp_ns, scene.frame.frame_id)]
 
 
-def _overlay(frame: RgbdFrame, estimate: RoomEstimate, config: NodeConfig) -> Sequence[Any]:
-    return [encode_image(draw_overlay(frame, estimate), frame.stamp_ns, frame.frame_id)]
+def _overlay(scene: Scene) -> Sequence[Any]:
+    return [encode_image(draw_overlay(scene.frame, scene.estimate), scene.frame.stamp_ns, scene.frame.frame_id)]
 
 
-def _polygons(frame: RgbdFrame, estimate: RoomEstimate, config: NodeConfig) -> Sequence[Any]:
-    return encode_polygons(estimate)
+def _polygons(scene: Scene) -> Sequence[Any]:
+    return encode_polygons(scene.estimate)
 
 
-def _markers(frame: RgbdFrame, estimate: RoomEstimate, config: NodeConfig) -> Sequence[Any]:
-    return [encode_markers(estimate, config.marker_lifetime)]
+def _markers(scene: Scene) -> Sequence[Any]:
+    return [encode_markers(scene.estimate, scene.node.marker_lifetime)]
+
+
+def _of_free_space(encode: Callable[[FreeSpace, Scene], Any]) -> Encode:
+    def encode_if_seen(scene: Scene) -> Sequence[Any]:
+        space = scene.free_space
+        return [] if space is None else [encode(space, scene)]
+
+    return encode_if_seen
+
+
+@_of_free_space
+def _free_space(space: FreeSpace, scene: Scene) -> Any:
+    return encode_grid(space.grid, space.resolution_m, space.origin_m, scene.frame.stamp_ns, scene.floor_frame)
+
+
+@_of_free_space
+def _obstacles(space: FreeSpace, scene: Scene) -> Any:
+    return encode_cloud(space.obstacles, scene.frame.stamp_ns, scene.frame.frame_id)
+
+
+@_of_free_space
+def _floor(space: FreeSpace, scene: Scene) -> Any:
+    return encode_cloud(space.floor, scene.frame.stamp_ns, scene.frame.frame_id)
+
+
+@_of_free_space
+def _scan(space: FreeSpace, scene: Scene) -> Any:
+    scan, reach = space.scan, scene.estimator.max_depth_m
+    stamp_ns, frame_id = scene.frame.stamp_ns, scene.floor_frame
+    return encode_scan(scan.ranges_m, scan.angle_min, scan.angle_increment, reach, stamp_ns, frame_id)
+
+
+@_of_free_space
+def _outline(space: FreeSpace, scene: Scene) -> Any:
+    return encode_outline(space.room_polygon_m, scene.frame.stamp_ns, scene.floor_frame)
+
+
+@_of_free_space
+def _floor_pose(space: FreeSpace, scene: Scene) -> Any:
+    return encode_pose(space.T_camera_floor, scene.frame.stamp_ns, scene.frame.frame_id)
 
 
 OUTPUTS = (
@@ -60,18 +103,35 @@ OUTPUTS = (
     Output("~/furniture", messages.Image, 5, _furniture, "mono8 image: NYU40 class id on clutter, 0 elsewhere"),
     Output("~/overlay", messages.Image, 1, _overlay, "rgb8 picture for people"),
     Output(
-        "~/polygons", messages.PolygonInstanceStamped, 5 * 5, _polygons,
+        "~/polygons", messages.PolygonInstanceStamped, 25, _polygons,
         "a message per visible face: corners in metres, the id is the label id of the face",
     ),
     Output("~/markers", messages.MarkerArray, 5, _markers, "the room for RViz: fills, edges, names and distances"),
+    Output(
+        "~/free_space", messages.OccupancyGrid, 2, _free_space,
+        "floor around the camera: 0 seen free, 100 occupied, -1 not known", on_floor=True,
+    ),
+    Output("~/obstacles", messages.PointCloud2, 2, _obstacles, "things on the floor, for marking; no walls"),
+    Output("~/floor", messages.PointCloud2, 2, _floor, "free floor, for clearing"),
+    Output(
+        "~/scan", messages.LaserScan, 5, _scan,
+        "nearest thing or wall per beam; +Inf where floor was seen and nothing stands, NaN where nothing is known",
+        on_floor=True,
+    ),
+    Output(
+        "~/room_outline", messages.PolygonStamped, 2, _outline, "the room on the floor, clipped to the grid",
+        on_floor=True,
+    ),
+    Output("~/floor_pose", messages.PoseStamped, 5, _floor_pose, "pose of the floor frame in the camera's frame"),
 )  # fmt: skip
 
 
-def send(
-    frame: RgbdFrame, estimate: RoomEstimate, config: NodeConfig, publishers: Iterable[tuple[Output, Any]]
-) -> None:
-    """Encode and publish what has a listener."""
+def send(scene: Scene, publishers: Iterable[tuple[Output, Any]]) -> bool:
+    """Encode and publish what has a listener; return whether anything lies in the floor frame."""
+    on_floor = False
     for output, publisher in publishers:
         if publisher.get_subscription_count() > 0:
-            for message in output.encode(frame, estimate, config):
+            for message in output.encode(scene):
                 publisher.publish(message)
+                on_floor |= output.on_floor
+    return on_floor

@@ -29,7 +29,7 @@ from room_layout_ros.core.tracking import TemporalPrior
 from room_layout_ros.inputs import INPUT_TOPICS
 from room_layout_ros.node import EstimatorNode
 from room_layout_ros.runtime.pairing import COLOR, DEPTH
-from room_layout_ros.runtime.session import CAMERA
+from room_layout_ros.runtime.session import CAMERA, CAMERAS
 
 _numbers = itertools.count()
 
@@ -42,9 +42,11 @@ class QuickEstimator:
     def __init__(self, config: EstimatorConfig) -> None:
         self.config = config
         self.frames: list[RgbdFrame] = []
+        self.priors: list[TemporalPrior | None] = []
 
     def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None = None) -> RoomEstimate:
         self.frames.append(frame)
+        self.priors.append(prior)
         layout = self.ROOM.raster(frame.camera)
         found = frame.depth_m is None or bool(np.isfinite(frame.depth_m).any())
         labels = layout.copy()
@@ -68,7 +70,9 @@ class Bench:
         self.estimators: list[Any] = []
         # Reliable, so that a test that sends one message knows that it comes; test_node_processes uses best effort.
         reliable = {
-            f"qos_overrides.{namespace}/{topic}.subscription.reliability": "reliable" for topic in INPUT_TOPICS.values()
+            f"qos_overrides.{namespace}/{topic}{transport}.subscription.reliability": "reliable"
+            for topic in INPUT_TOPICS.values()
+            for transport in ("", "/compressed", "/compressedDepth")
         }
         overrides = {"no_data_timeout": 1.0, "diagnostics_period": 0.1, **reliable, **values}
         self.node = make_node(
@@ -81,7 +85,7 @@ class Bench:
         self.executor = SingleThreadedExecutor(context=context)
         self.executor.add_node(self.node)
         self.executor.add_node(self.other)
-        self.cameras = {s: self.camera(s, QoSProfile(depth=10)) for s in INPUT_TOPICS}
+        self.cameras = {s: self.camera(s, QoSProfile(depth=10)) for s in (COLOR, DEPTH, CAMERA)}
         self.heard: dict[str, list[Any]] = defaultdict(list)
         self.listen("/diagnostics", messages.DiagnosticArray)
 
@@ -91,7 +95,7 @@ class Bench:
 
     def camera(self, stream: str, qos: QoSProfile) -> Any:
         """Return a publisher for an input."""
-        kind = messages.CameraInfo if stream == CAMERA else messages.Image
+        kind = messages.CameraInfo if stream in CAMERAS else messages.Image
         return self.other.create_publisher(kind, INPUT_TOPICS[stream], qos)
 
     def listen(self, topic: str, kind: type, qos: QoSProfile | int = 10) -> Any:

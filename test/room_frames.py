@@ -24,7 +24,7 @@ def room_images(i: int) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
     """Return RGB and depth in mm of frame `i`: a box room with a crate, the camera turning slowly."""
     yaw, pitch = np.deg2rad(12.0 * np.sin(i / 20.0)), np.deg2rad(6.0)
     turn = np.array([[np.cos(yaw), 0, -np.sin(yaw)], [0, 1, 0], [np.sin(yaw), 0, np.cos(yaw)]])
-    nod = np.array([[1, 0, 0], [0, np.cos(pitch), -np.sin(pitch)], [0, np.sin(pitch), np.cos(pitch)]])
+    nod = np.array([[1, 0, 0], [0, np.cos(pitch), np.sin(pitch)], [0, -np.sin(pitch), np.cos(pitch)]])
     room = RoomCuboid(turn @ nod, np.array([1.2, 1.3, 1.8, 3.5, 2.2]))
     depth_mm = np.rint(np.nan_to_num(room.depth(CAMERA), posinf=0.0) * 1000.0).astype(np.uint16)
     color = LABEL_COLORS[room.raster(CAMERA)]

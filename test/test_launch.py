@@ -67,7 +67,7 @@ def test_a_preset_remaps_every_input_of_the_node(launch_file: dict[str, Any], ca
 
     (node,) = started(launch_file, camera=camera)
     remapped = dict(node.named["remappings"])
-    assert set(remapped) == set(INPUT_TOPICS.values())
+    assert set(remapped) == set(INPUT_TOPICS.values()) - {"depth/camera_info"}
     assert camera == "none" or all(re.fullmatch(r"(/[a-z_]+)+", topic) for topic in remapped.values()), remapped
 
 
@@ -117,14 +117,14 @@ def test_the_dds_profile_has_room_for_images(repository: Path, launch_file: dict
 def test_every_topic_is_documented_with_its_type(repository: Path) -> None:
     pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
     from room_layout_ros.inputs import INPUT_TOPICS
-    from room_layout_ros.node import DIAGNOSTICS_TOPIC, LABEL_NAMES_TOPIC
+    from room_layout_ros.node import DIAGNOSTICS_TOPIC, IMU_TOPIC, LABEL_NAMES_TOPIC
     from room_layout_ros.outputs import OUTPUTS
 
     page = (repository / "docs" / "topics.md").read_text("utf-8")
     documented = dict(re.findall(r"^\| `([^`]+)` \| (\S+)", page, flags=re.MULTILINE))
     expected = {o.topic: f"{o.message.__module__.split('.')[0]}/msg/{o.message.__name__}" for o in OUTPUTS}
     assert {t: kind for t, kind in documented.items() if t in expected} == expected
-    assert set(documented) == {*expected, *INPUT_TOPICS.values(), LABEL_NAMES_TOPIC, DIAGNOSTICS_TOPIC}
+    assert set(documented) == {*expected, *INPUT_TOPICS.values(), IMU_TOPIC, LABEL_NAMES_TOPIC, DIAGNOSTICS_TOPIC}
     for output in OUTPUTS:
         assert f"| {output.meaning} |" in page
 

@@ -19,12 +19,14 @@ from msg_adapters.encode_image import encode_image
 from msg_adapters.encode_room import encode_label_names, encode_markers, encode_polygons
 from msg_adapters.header import encode_header
 from msg_adapters.image import decode_color, decode_depth
+from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.labels import LABEL_NAMES
 from room_layout_ros.node_config import NodeConfig
 from room_layout_ros.outputs import OUTPUTS
 from room_layout_ros.runtime.diagnosis import Finding, Level
+from room_layout_ros.scene import Scene
 
 
 @pytest.fixture(scope="module")
@@ -90,11 +92,12 @@ def headers(value: Any) -> Iterator[Any]:
 
 @pytest.mark.parametrize("output", OUTPUTS, ids=lambda o: o.topic)
 def test_every_header_has_stamp_and_frame_of_the_frame(output: Any, estimate: RoomEstimate) -> None:
-    messages = output.encode(room_frame(3), estimate, NodeConfig())
+    messages = output.encode(Scene(room_frame(3), estimate, NodeConfig(), EstimatorConfig()))
     found = list(headers(messages))
     assert len(found) >= len(messages) > 0
     assert all(isinstance(m, output.message) for m in messages)
-    assert all(h == encode_header(stamp_ns(3), FRAME_ID) for h in found)
+    frame_id = f"{FRAME_ID}_floor" if output.on_floor else FRAME_ID
+    assert all(h == encode_header(stamp_ns(3), frame_id) for h in found)
 
 
 def test_markers_live_as_long_as_told_and_keep_their_ids(estimate: RoomEstimate) -> None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from room_frames import CAMERA, room_frame
 
 from room_layout_ros.core.estimate import RoomEstimate, Status
@@ -48,6 +49,7 @@ class Stages:
         self.broken: dict[str, Exception] = {}
         self.status = Status.OK
         self.frame_id = "camera"
+        self.down: NDArray[np.float64] | None = None
         self.gate = threading.Event()
         self.gate.set()
 
@@ -59,9 +61,14 @@ class Stages:
     def warm_up(self) -> None:
         self.step("warm_up")
 
-    def assemble(self, pair: Pair[Any], camera: Any) -> RgbdFrame:
+    def assemble(self, pair: Pair[Any], cameras: Mapping[str, Any]) -> RgbdFrame:
         self.step("assemble")
+        if cameras[CAMERA_STREAM] is None:
+            raise RefusedError("no camera_info", "none has come")
         return RgbdFrame(CAMERA, FRAME.color, FRAME.depth_m, pair.stamp_ns, self.frame_id)
+
+    def gravity(self, frame: RgbdFrame) -> NDArray[np.float64] | None:
+        return self.down
 
     def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None) -> RoomEstimate:
         self.gate.wait(5.0)
@@ -118,7 +125,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
 
 
 def test_a_pair_is_published_with_its_latency(session: EstimatorSession, stages: Stages) -> None:
-    session.add_camera(0, "camera")
+    session.add_camera(CAMERA_STREAM, 0, "camera")
     send(session, 0)
     health = settled(session)
     assert (health.made, health.published, stages.published) == (1, 1, [T0])
@@ -133,13 +140,13 @@ def test_f03_without_a_camera_every_pair_is_dropped_for_that_reason(session: Est
         settled(session)
     assert settled(session).dropped == {"no camera_info": 3}
     assert stages.complaints["no camera_info"] == 3
-    session.add_camera(0, "camera")
+    session.add_camera(CAMERA_STREAM, 0, "camera")
     send(session, 3)
     assert settled(session).published == 1
 
 
 def test_f13_the_newest_frame_wins_when_input_is_too_fast(session: EstimatorSession, stages: Stages) -> None:
-    session.add_camera(0, "camera")
+    session.add_camera(CAMERA_STREAM, 0, "camera")
     stages.gate.clear()
     send(session, 0)
     wait_for(lambda: "assemble" in stages.calls)
@@ -159,7 +166,7 @@ def test_f13_the_newest_frame_wins_when_input_is_too_fast(session: EstimatorSess
 def test_f40_an_exception_loses_its_frame_only(
     session: EstimatorSession, stages: Stages, stage: str, error: Exception
 ) -> None:
-    session.add_camera(0, "camera")
+    session.add_camera(CAMERA_STREAM, 0, "camera")
     send(session, 0)
     settled(session)
     stages.broken[stage] = error
@@ -176,7 +183,7 @@ def test_f40_a_failed_warm_up_is_told_and_survived(stages: Stages) -> None:
     stages.broken["warm_up"] = OSError("read-only cache")
     session = EstimatorSession(stages)
     wait_for(lambda: session.ready)
-    session.add_camera(0, "camera")
+    session.add_camera(CAMERA_STREAM, 0, "camera")
     send(session, 0)
     assert settled(session).published == 1
     assert stages.complaints["warm-up"] == 1
@@ -187,7 +194,7 @@ def test_f40_a_failed_warm_up_is_told_and_survived(stages: Stages) -> None:
 def test_an_estimate_without_a_room_is_counted_and_not_published(
     session: EstimatorSession, stages: Stages, status: Status
 ) -> None:
-    session.add_camera(0, "camera")
+    session.add_camera(CAMERA_STREAM, 0, "camera")
     stages.status = status
     send(session, 0)
     health = settled(session)
@@ -195,7 +202,7 @@ def test_an_estimate_without_a_room_is_counted_and_not_published(
 
 
 def test_a_refused_pair_is_counted_under_its_reason(session: EstimatorSession, stages: Stages) -> None:
-    session.add_camera(0, "camera")
+    session.add_camera(CAMERA_STREAM, 0, "camera")
     stages.broken["assemble"] = RefusedError("not registered", "sizes differ")
     send(session, 0)
     health = settled(session)
@@ -212,7 +219,7 @@ def test_refused_messages_are_counted_and_do_not_pair(session: EstimatorSession)
 
 
 def test_the_prior_goes_from_frame_to_frame_and_a_jump_ends_it(session: EstimatorSession, stages: Stages) -> None:
-    session.add_camera(0, "camera")
+    session.add_camera(CAMERA_STREAM, 0, "camera")
     for i in (0, 1, 2, -1000, -999):
         send(session, i)
         settled(session)
@@ -223,7 +230,7 @@ def test_the_prior_goes_from_frame_to_frame_and_a_jump_ends_it(session: Estimato
 
 def test_warm_start_off_means_no_prior_at_all(stages: Stages) -> None:
     session = EstimatorSession(stages, SessionRules(warm_start=False))
-    session.add_camera(0, "camera")
+    session.add_camera(CAMERA_STREAM, 0, "camera")
     for i in range(3):
         send(session, i)
         settled(session)
@@ -231,8 +238,23 @@ def test_warm_start_off_means_no_prior_at_all(stages: Stages) -> None:
     assert session.close(5.0)
 
 
+def test_gravity_reaches_the_estimator_with_and_without_warm_start(stages: Stages) -> None:
+    stages.down = np.array([0.0, 1.0, 0.1])
+    for warm in (True, False):
+        session = EstimatorSession(stages, SessionRules(warm_start=warm))
+        session.add_camera(CAMERA_STREAM, 0, "camera")
+        for i in range(2):
+            send(session, i)
+            settled(session)
+        assert session.close(5.0)
+        for prior, axes in zip(stages.priors[-2:], (False, warm), strict=True):
+            assert prior is not None
+            assert prior.gravity is stages.down
+            assert (prior.R_room_camera is not None) == axes
+
+
 def test_f14_a_change_of_frame_id_ends_the_prior_and_is_told(session: EstimatorSession, stages: Stages) -> None:
-    session.add_camera(0, "camera")
+    session.add_camera(CAMERA_STREAM, 0, "camera")
     send(session, 0)
     settled(session)
     stages.frame_id = "other"
@@ -243,7 +265,7 @@ def test_f14_a_change_of_frame_id_ends_the_prior_and_is_told(session: EstimatorS
 
 
 def test_an_error_ends_the_prior(session: EstimatorSession, stages: Stages) -> None:
-    session.add_camera(0, "camera")
+    session.add_camera(CAMERA_STREAM, 0, "camera")
     send(session, 0)
     settled(session)
     stages.broken["publish"] = RuntimeError("boom")
@@ -255,7 +277,7 @@ def test_an_error_ends_the_prior(session: EstimatorSession, stages: Stages) -> N
 
 
 def test_reset_drops_what_waits_and_keeps_the_camera(session: EstimatorSession, stages: Stages) -> None:
-    session.add_camera(0, "camera")
+    session.add_camera(CAMERA_STREAM, 0, "camera")
     stages.gate.clear()
     send(session, 0)
     wait_for(lambda: "assemble" in stages.calls)
@@ -276,7 +298,7 @@ def test_lost_messages_are_counted_by_stream(session: EstimatorSession) -> None:
 
 def test_close_waits_for_the_frame_in_hand_and_drops_the_next(stages: Stages) -> None:
     session = EstimatorSession(stages)
-    session.add_camera(0, "camera")
+    session.add_camera(CAMERA_STREAM, 0, "camera")
     stages.gate.clear()
     send(session, 0)
     wait_for(lambda: "assemble" in stages.calls)
@@ -290,7 +312,7 @@ def test_close_waits_for_the_frame_in_hand_and_drops_the_next(stages: Stages) ->
 
 
 def test_f41_messages_from_many_threads_are_all_accounted_for(session: EstimatorSession) -> None:
-    session.add_camera(0, "camera")
+    session.add_camera(CAMERA_STREAM, 0, "camera")
 
     def send_each_fourth(first: int) -> None:
         for i in range(first, 400, 4):

@@ -8,9 +8,9 @@ from enum import IntEnum
 
 from .health import Health, StreamHealth
 from .pairing import COLOR, DEPTH
-from .session import CAMERA
+from .session import CAMERA, CAMERAS, DEPTH_CAMERA
 
-NAMES = {COLOR: "colour", DEPTH: "depth", CAMERA: "camera_info"}
+NAMES = {COLOR: "colour", DEPTH: "depth", CAMERA: "camera_info", DEPTH_CAMERA: "camera_info of depth"}
 
 
 class Level(IntEnum):
@@ -48,6 +48,8 @@ class NodeFacts:
     max_stamp_gap_s: float = 0.02
     profile: str = "config/fastdds.xml"
     """Path of the DDS profile that cures lost images."""
+    floor: str = ""
+    """Where the floor was expected from."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +100,7 @@ def _input_state(stream: str, now: StreamHealth, before: StreamHealth, facts: No
     if refused and now.last_refusal:
         return Level.ERROR, f"{refused} of {now.received - before.received} messages refused: {now.last_refusal}"
     silence = min(now.silence_s, facts.listening_s)
-    if silence > facts.no_data_timeout_s and not (stream == CAMERA and now.paired):
+    if silence > facts.no_data_timeout_s and not (stream in CAMERAS and now.paired):
         seen = "nobody publishes it" if graph.publishers == 0 else f"{graph.publishers} publisher(s) seen"
         return Level.ERROR, f"no {name} for {silence:.0f} s on {graph.topic}; {seen}"
     if now.lost > before.lost:
@@ -122,6 +124,7 @@ def _estimates(health: Health, before: Health, facts: NodeFacts) -> Finding:
         **{f"no estimate: {status}": str(n) for status, n in sorted(health.no_estimate.items())},
         **{f"dropped: {reason}": str(n) for reason, n in sorted(health.dropped.items())},
         "resets": str(health.resets),
+        "floor": facts.floor,
         "latency_p50_ms": f"{health.latency_p50_ms:.1f}",
         "latency_p99_ms": f"{health.latency_p99_ms:.1f}",
         "age_p50_ms": f"{health.age_p50_ms:.1f}",

@@ -5,9 +5,12 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from room_layout_ros.core.estimate import RoomEstimate, Status
 from room_layout_ros.core.frame import RgbdFrame
@@ -18,8 +21,9 @@ from .health import Health, PairCount, Rate, stream_snapshot
 from .live_loop import LiveLoop
 from .pairing import COLOR, DEPTH, Pair, PairingRules, StreamCount, StreamPairing
 
-CAMERA = "camera_info"
-STREAMS = (COLOR, DEPTH, CAMERA)
+CAMERA, DEPTH_CAMERA = "camera_info", "depth_camera_info"
+CAMERAS = (CAMERA, DEPTH_CAMERA)
+STREAMS = (COLOR, DEPTH, *CAMERAS)
 
 
 class RefusedError(ValueError):
@@ -33,12 +37,19 @@ class RefusedError(ValueError):
 class Stages(Protocol):
     """What the session calls, in this order, from its worker thread. One call of each per frame."""
 
-    def assemble(self, pair: Pair[Any], camera: Any) -> RgbdFrame:
-        """Decode a pair. Raises RefusedError or ValueError when it is no frame."""
+    def assemble(self, pair: Pair[Any], cameras: Mapping[str, Any]) -> RgbdFrame:
+        """Decode a pair with the cameras of its time (None where none has come).
+
+        Raises RefusedError or ValueError when it is no frame.
+        """
         ...
 
     def warm_up(self) -> None:
         """Compile and load everything; called once, before the first frame."""
+
+    def gravity(self, frame: RgbdFrame) -> NDArray[np.float64] | None:
+        """Return the direction of gravity in the camera frame where it is known."""
+        ...
 
     def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None) -> RoomEstimate:
         """Estimate the room."""
@@ -88,8 +99,8 @@ class EstimatorSession:
         self._rules = rules or SessionRules()
         self._lock = threading.Lock()
         self._pairing: StreamPairing[Any] = StreamPairing(self._rules.pairing)
-        self._cameras: CameraHistory[Any] = CameraHistory()
-        self._camera_count = StreamCount()
+        self._cameras: dict[str, CameraHistory[Any]] = {s: CameraHistory() for s in CAMERAS}
+        self._camera_counts = {s: StreamCount() for s in CAMERAS}
         self._pairs = PairCount()
         self._rates = {stream: Rate() for stream in STREAMS}
         self._lost: Counter[str] = Counter()
@@ -130,22 +141,22 @@ class EstimatorSession:
             self._stages.complain("jump of the clock", "stamps jumped; everything known from before is forgotten")
         self._loop.submit(job)
 
-    def add_camera(self, stamp_ns: int, camera: object) -> bool:
-        """Take a checked camera (stamp 0: none); return True if it differs from the last one."""
+    def add_camera(self, stream: str, stamp_ns: int, camera: object) -> bool:
+        """Take a checked camera of CAMERA or DEPTH_CAMERA (stamp 0: none); return True if it differs from the last."""
         with self._lock:
-            self._rates[CAMERA].tick(self._clock())
-            self._camera_count.received += 1
-            self._camera_count.paired += 1
-            return self._cameras.add(stamp_ns, camera)
+            self._rates[stream].tick(self._clock())
+            self._camera_counts[stream].received += 1
+            self._camera_counts[stream].paired += 1
+            return self._cameras[stream].add(stamp_ns, camera)
 
     def refuse(self, stream: str, reason: str, sentence: str) -> None:
         """Count a message that could not be used and say why."""
         with self._lock:
             self._rates[stream].tick(self._clock())
             self._last_refusal[stream] = sentence
-            if stream == CAMERA:
-                self._camera_count.received += 1
-                self._camera_count.refused[reason] += 1
+            if stream in CAMERAS:
+                self._camera_counts[stream].received += 1
+                self._camera_counts[stream].refused[reason] += 1
             else:
                 self._pairing.refuse(stream, reason)
         self._stages.complain(f"{stream}: {reason}", sentence)
@@ -166,7 +177,7 @@ class EstimatorSession:
         """Return all counters as one consistent value."""
         with self._lock:
             now = self._clock()
-            counts = {**self._pairing.counts, CAMERA: self._camera_count}
+            counts = {**self._pairing.counts, **self._camera_counts}
             streams = {
                 s: stream_snapshot(counts[s], self._rates[s], self._lost[s], self._last_refusal[s], now)
                 for s in STREAMS
@@ -180,7 +191,8 @@ class EstimatorSession:
     def _restart(self) -> None:
         self._epoch += 1
         self._pairs.resets += 1
-        self._cameras.reset()
+        for cameras in self._cameras.values():
+            cameras.reset()
 
     def _dropped(self, job: _Job, reason: str, sentence: str = "") -> None:
         with self._lock:
@@ -210,18 +222,17 @@ class EstimatorSession:
 
     def _process(self, job: _Job) -> tuple[RgbdFrame, RoomEstimate]:
         with self._lock:
-            camera, rules = self._cameras.at(job.pair.stamp_ns), self._rules
-        if camera is None:
-            raise RefusedError("no camera_info", "no camera_info has come yet; images cannot be used without it")
+            cameras = {s: history.at(job.pair.stamp_ns) for s, history in self._cameras.items()}
+            rules = self._rules
         try:
-            frame = self._stages.assemble(job.pair, camera)
+            frame = self._stages.assemble(job.pair, cameras)
         except RefusedError:
             raise
         except ValueError as error:
             raise RefusedError("bad pair", str(error)) from error
         self._follow_origin(frame)
-        prior = self._prior if rules.warm_start and self._prior_epoch == job.epoch else None
-        estimate = self._stages.estimate(frame, prior)
+        warm = self._prior if rules.warm_start and self._prior_epoch == job.epoch else None
+        estimate = self._stages.estimate(frame, _with_gravity(warm, self._stages.gravity(frame)))
         self._prior, self._prior_epoch = next_prior(estimate), job.epoch
         if estimate.cuboid is not None:
             self._stages.publish(frame, estimate)
@@ -253,3 +264,10 @@ class EstimatorSession:
             pairs.latencies_ms.append((now - job.arrival_ns) * 1e-6)
             pairs.ages_ms.append(age_ms)
             pairs.stages_ms.append(estimate.timings_ms)
+
+
+def _with_gravity(prior: TemporalPrior | None, gravity: NDArray[np.float64] | None) -> TemporalPrior | None:
+    """Return the prior with what is known of gravity; None where nothing is known at all."""
+    if gravity is None:
+        return prior
+    return replace(prior or TemporalPrior(), gravity=gravity)

@@ -1,0 +1,102 @@
+"""Where the floor is expected in the camera frame: from TF, an IMU or parameters, else left to the estimate."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .core.floor_plane import FloorPlane
+from .node_config import FindTransform, NodeConfig, parse_pose
+
+_STANDARD_GRAVITY = 9.80665
+_TOLERANCE = 2.0
+"""m/s^2; a robot that speeds up or brakes harder than this does not say where down is."""
+_TIME_CONSTANT_NS = 500_000_000
+_UP_TO_DATE_NS = 2_000_000_000
+
+
+class FloorPose:
+    """Knows gravity and the camera's height as the settings say. May be called from several threads.
+
+    Parameters
+    ----------
+    find : callable
+        Transform between two frames, or None.
+    """
+
+    def __init__(self, find: FindTransform) -> None:
+        self._find = find
+        self._lock = threading.Lock()
+        self._acceleration: NDArray[np.float64] | None = None
+        self._imu_frame = ""
+        self._imu_ns = 0
+        self.source = "estimate"
+        """Where the last answer came from, for the diagnostics."""
+
+    def add_imu(self, stamp_ns: int, frame_id: str, acceleration: NDArray[np.float64]) -> None:
+        """Take a reading: (3,) m/s^2, which points up at rest (REP-145). Low-passed over half a second."""
+        length = float(np.linalg.norm(acceleration))
+        if not abs(length - _STANDARD_GRAVITY) <= _TOLERANCE:
+            return
+        with self._lock:
+            elapsed = stamp_ns - self._imu_ns
+            fresh = self._acceleration is None or frame_id != self._imu_frame or not 0 <= elapsed < _UP_TO_DATE_NS
+            before = acceleration if fresh or self._acceleration is None else self._acceleration
+            share = 1.0 - np.exp(-max(elapsed, 0) / _TIME_CONSTANT_NS)
+            self._acceleration = before + share * (acceleration - before)
+            self._imu_frame, self._imu_ns = frame_id, stamp_ns
+
+    def reset(self) -> None:
+        """Forget the IMU."""
+        with self._lock:
+            self._acceleration = None
+
+    def expect(self, camera_frame: str, stamp_ns: int, node: NodeConfig) -> FloorPlane | None:
+        """Return the floor as expected for a frame; None where nothing but the estimate can say."""
+        found, missing = None, "estimate"
+        if node.pose_source == "imu":
+            found = self._from_imu(camera_frame, stamp_ns, node)
+            missing = "estimate (no IMU reading, or its pose is not known)"
+        elif node.pose_source == "parameters":
+            found = _from_parameters(node)
+        elif node.pose_source in ("auto", "tf"):
+            found = self._from_tf(camera_frame, node)
+            missing = f"estimate (no transform between {node.robot_frame} and the camera)"
+        self.source = found.source if found is not None else missing
+        return found
+
+    def _from_tf(self, camera_frame: str, node: NodeConfig) -> FloorPlane | None:
+        T = self._find(camera_frame, node.robot_frame)
+        if T is None:
+            return None
+        normal = -T[:3, 2]
+        height = float(normal @ T[:3, 3])  # of the camera over the plane z = 0 of the robot's frame
+        return FloorPlane(_unit(normal), height if height > 0 else float("nan"), "tf")
+
+    def _from_imu(self, camera_frame: str, stamp_ns: int, node: NodeConfig) -> FloorPlane | None:
+        with self._lock:
+            acceleration, frame_id, imu_ns = self._acceleration, self._imu_frame, self._imu_ns
+        if acceleration is None or abs(stamp_ns - imu_ns) > _UP_TO_DATE_NS:
+            return None
+        if node.imu_to_camera:
+            T_camera_imu: NDArray[np.float64] | None = parse_pose(node.imu_to_camera)
+        elif frame_id == camera_frame:
+            T_camera_imu = np.eye(4)
+        else:
+            T_camera_imu = self._find(camera_frame, frame_id)
+        if T_camera_imu is None:
+            return None
+        return FloorPlane(_unit(-T_camera_imu[:3, :3] @ acceleration), node.camera_height or float("nan"), "imu")
+
+
+def _from_parameters(node: NodeConfig) -> FloorPlane:
+    pitch, roll = np.deg2rad(node.camera_pitch_deg), np.deg2rad(node.camera_roll_deg)
+    down = np.array([np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll), np.sin(pitch)])
+    return FloorPlane(_unit(down), node.camera_height or float("nan"), "parameters")
+
+
+def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    unit: NDArray[np.float64] = vector / np.linalg.norm(vector)
+    return unit

@@ -1,0 +1,253 @@
+"""Inputs as robots have them: compressed, unregistered, without camera_info, with TF and IMU."""
+
+from __future__ import annotations
+
+import struct
+import sys
+import types
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
+
+from dds_player import camera_info
+from node_bench import Bench, running
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from room_frames import CAMERA, FRAME_ID, room_frame, room_images, stamp_ns
+
+from msg_adapters import messages
+from msg_adapters.encode_image import encode_image, pack_bytes
+from msg_adapters.header import encode_header
+from room_layout_ros.core.registration import register_depth
+from room_layout_ros.datasets.calibration import CameraCalibration, write_calibration
+from room_layout_ros.node_config import parse_pose
+
+pytestmark = pytest.mark.dds
+
+POSE = "0.05 0 0 0 0 0.01 1"
+DEPTH_FRAME = "camera_depth_optical_frame"
+
+
+def compressed(content: NDArray[np.uint8], kind: str, stamp: int, frame_id: str = FRAME_ID) -> Any:
+    return messages.CompressedImage(header=encode_header(stamp, frame_id), format=kind, data=pack_bytes(content))
+
+
+def compressed_color(i: int) -> Any:
+    picture = cv2.imencode(".png", room_images(i)[0][..., ::-1])[1]
+    return compressed(picture, "rgb8; png compressed bgr8", stamp_ns(i))
+
+
+def compressed_depth(i: int) -> Any:
+    picture = cv2.imencode(".png", room_images(i)[1])[1]
+    header = np.frombuffer(struct.pack("<iff", 0, 0.0, 0.0), np.uint8)
+    return compressed(np.concatenate([header, picture.ravel()]), "16UC1; compressedDepth png", stamp_ns(i))
+
+
+def compress_cameras(bench: Bench) -> None:
+    """Let the bench publish compressed images in the place of raw ones."""
+    for stream, topic in (
+        ("color", "rgb/image_rect_color/compressed"), ("depth", "depth_registered/image_rect/compressedDepth"),
+    ):  # fmt: skip
+        bench.other.destroy_publisher(bench.cameras[stream])
+        bench.cameras[stream] = bench.other.create_publisher(messages.CompressedImage, topic, QoSProfile(depth=10))
+
+
+def test_compressed_images_give_the_same_frame_as_raw_ones() -> None:
+    with running(color_transport="compressed", depth_transport="compressedDepth") as bench:
+        compress_cameras(bench)
+        bench.connect()
+        bench.send(0, compressed_color(0), compressed_depth(0))
+        bench.until(lambda: bench.labels_of(0))
+        frame, offline = bench.estimators[0].frames[-1], room_frame(0)
+        np.testing.assert_array_equal(frame.color, offline.color)
+        np.testing.assert_array_equal(frame.depth_m, offline.depth_m)
+
+
+def test_the_transport_can_change_while_it_runs() -> None:
+    with running() as bench:
+        bench.connect()
+        bench.expect(0)
+        change = [
+            Parameter("color_transport", value="compressed"),
+            Parameter("depth_transport", value="compressedDepth"),
+        ]
+        assert bench.node.set_parameters_atomically(change).successful
+        compress_cameras(bench)
+        bench.until(lambda: all(c.get_subscription_count() for c in bench.cameras.values()))
+        bench.send(1, compressed_color(1), compressed_depth(1))
+        bench.until(lambda: bench.labels_of(1))
+
+
+def test_a_damaged_compressed_image_is_refused_and_the_next_works() -> None:
+    with running(color_transport="compressed", depth_transport="compressedDepth") as bench:
+        compress_cameras(bench)
+        bench.connect()
+        cut = compressed_color(0)
+        cut.data = cut.data[:-100]
+        bench.send(0, cut, compressed_depth(0))
+        bench.until(lambda: bench.said("input colour", "compressed colour image of", "is cut"))
+        damaged = compressed_depth(1)
+        damaged.data[200:260] = damaged.data[100:160]
+        bench.send(1, compressed_color(1), damaged)
+        bench.until(lambda: bench.said("estimates", "damaged and does not decode"))
+        bench.send(2, compressed_color(2), compressed_depth(2))
+        bench.until(lambda: bench.labels_of(2))
+
+
+def test_a_calibration_file_takes_the_place_of_camera_info(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    write_calibration(path, CameraCalibration.from_intrinsics(CAMERA))
+    with running(camera_file=str(path)) as bench:
+        bench.listen("estimator/labels", messages.Image)
+        bench.until(lambda: bench.cameras["color"].get_subscription_count())
+        bench.until(lambda: bench.cameras["depth"].get_subscription_count())
+        bench.spin(0.2)
+        assert bench.cameras["camera_info"].get_subscription_count() == 0
+        bench.send(0, info=False)
+        bench.until(lambda: bench.labels_of(0))
+        assert bench.estimators[0].frames[-1].camera == CAMERA
+        assert bench.diagnosis()["input camera_info"] == (0, "camera_info is not used (parameter)")
+
+
+def unregistered(i: int, frame_id: str = DEPTH_FRAME) -> Any:
+    """Return a depth image of half the size in a frame of its own."""
+    half = np.ascontiguousarray(room_images(i)[1][::2, ::2])
+    return encode_image(half, stamp_ns(i), frame_id)
+
+
+def depth_info(i: int) -> Any:
+    info = camera_info(stamp_ns(i))
+    info.header.frame_id = DEPTH_FRAME
+    info.width, info.height = 320, 240
+    info.k = [CAMERA.fx / 2, 0.0, CAMERA.cx / 2, 0.0, CAMERA.fy / 2, CAMERA.cy / 2, 0.0, 0.0, 1.0]
+    info.p = [CAMERA.fx / 2, 0.0, CAMERA.cx / 2, 0.0, 0.0, CAMERA.fy / 2, CAMERA.cy / 2, 0.0, 0.0, 0.0, 1.0, 0.0]
+    return info
+
+
+def registered(i: int, pose: str) -> NDArray[np.float32]:
+    from room_layout_ros.core.frame import CameraIntrinsics
+
+    half = CameraIntrinsics(320, 240, CAMERA.fx / 2, CAMERA.fy / 2, CAMERA.cx / 2, CAMERA.cy / 2)
+    mm = room_images(i)[1][::2, ::2]
+    depth_m = mm.astype(np.float32) * np.float32(0.001)
+    return register_depth(depth_m, half, CAMERA, parse_pose(pose))
+
+
+def add_depth_camera(bench: Bench) -> Any:
+    publisher = bench.camera("depth_camera_info", QoSProfile(depth=10))
+    bench.until(publisher.get_subscription_count)
+    return publisher
+
+
+def test_unregistered_depth_is_registered_by_the_pose_that_is_given() -> None:
+    with running(depth_registered=False, depth_to_color=POSE) as bench:
+        bench.connect()
+        add_depth_camera(bench).publish(depth_info(0))
+        bench.until(lambda: bench.health().streams["depth_camera_info"].received)
+        bench.send(0, depth=unregistered(0))
+        bench.until(lambda: bench.labels_of(0))
+        frame = bench.estimators[0].frames[-1]
+        assert (frame.frame_id, frame.camera, frame.stamp_ns) == (FRAME_ID, CAMERA, stamp_ns(0))
+        np.testing.assert_array_equal(frame.depth_m, registered(0, POSE))
+
+
+def test_unregistered_depth_without_a_transform_is_refused_with_both_frames() -> None:
+    with running(depth_registered=False) as bench:
+        bench.connect()
+        publisher = add_depth_camera(bench)
+        bench.send(0, depth=unregistered(0))
+        bench.until(lambda: bench.said("estimates", "no camera_info of the depth camera"))
+        publisher.publish(depth_info(1))
+        bench.until(lambda: bench.health().streams["depth_camera_info"].received)
+        bench.send(1, depth=unregistered(1))
+        bench.until(lambda: bench.said("estimates", f"no transform from depth frame '{DEPTH_FRAME}'", FRAME_ID))
+        assert bench.node.set_parameters([Parameter("depth_to_color", value=POSE)])[0].successful
+        bench.send(2, depth=unregistered(2))
+        bench.until(lambda: bench.labels_of(2))
+
+
+class FakeBuffer:
+    """Stands in for tf2_ros.Buffer, which is not on PyPI: knows the poses that a test gives it."""
+
+    poses: dict[tuple[str, str], tuple[float, ...]] = {}  # noqa: RUF012  shared on purpose
+
+    def lookup_transform(self, target: str, source: str, time: Any) -> Any:
+        x, y, z, qx, qy, qz, qw = self.poses[target, source]
+        transform = types.SimpleNamespace(
+            translation=types.SimpleNamespace(x=x, y=y, z=z), rotation=types.SimpleNamespace(x=qx, y=qy, z=qz, w=qw)
+        )
+        return types.SimpleNamespace(transform=transform)
+
+
+@pytest.fixture
+def tf(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[tuple[str, str], tuple[float, ...]]]:
+    module = types.ModuleType("tf2_ros")
+    module.__dict__.update(Buffer=FakeBuffer, TransformListener=lambda buffer, node: (buffer, node))
+    monkeypatch.setitem(sys.modules, "tf2_ros", module)
+    FakeBuffer.poses.clear()
+    yield FakeBuffer.poses
+    FakeBuffer.poses.clear()
+
+
+def test_unregistered_depth_is_registered_by_tf(tf: dict[tuple[str, str], tuple[float, ...]]) -> None:
+    tf[FRAME_ID, DEPTH_FRAME] = tuple(float(v) for v in POSE.split())
+    with running(depth_registered=False) as bench:
+        bench.connect()
+        add_depth_camera(bench).publish(depth_info(0))
+        bench.until(lambda: bench.health().streams["depth_camera_info"].received)
+        bench.send(0, depth=unregistered(0))
+        bench.until(lambda: bench.labels_of(0))
+        np.testing.assert_array_equal(bench.estimators[0].frames[-1].depth_m, registered(0, POSE))
+
+
+def floor_source(bench: Bench) -> str:
+    statuses = bench.heard["/diagnostics"][-1].status
+    return next(v.value for s in statuses if s.name.endswith(": estimates") for v in s.values if v.key == "floor")
+
+
+def test_gravity_comes_from_tf(tf: dict[tuple[str, str], tuple[float, ...]]) -> None:
+    """A camera that looks ahead, level: the robot's z axis is the camera's -y."""
+    tf[FRAME_ID, "base_footprint"] = (0.0, 0.3, 0.1, 0.5, -0.5, 0.5, 0.5)
+    with running() as bench:
+        bench.connect()
+        bench.expect(0)
+        prior = bench.estimators[0].priors[-1]
+        np.testing.assert_allclose(prior.gravity, [0.0, 1.0, 0.0], atol=1e-9)
+        bench.until(lambda: floor_source(bench) == "tf")
+
+
+def test_without_tf_the_floor_decides() -> None:
+    with running() as bench:
+        bench.connect()
+        bench.expect(0)
+        assert bench.estimators[0].priors[-1] is None
+        bench.until(lambda: floor_source(bench).startswith("estimate (no transform between base_footprint"))
+
+
+@pytest.mark.parametrize("imu_to_camera", ("", "0 0 0 1 0 0 1"))
+def test_gravity_comes_from_an_imu(imu_to_camera: str) -> None:
+    with running(pose_source="imu", imu_to_camera=imu_to_camera) as bench:
+        bench.connect()
+        imu = bench.other.create_publisher(messages.Imu, "imu", 10)
+        bench.until(imu.get_subscription_count)
+        message = messages.Imu(header=encode_header(stamp_ns(0), FRAME_ID))
+        message.linear_acceleration.y, message.linear_acceleration.z = -9.8, 0.5
+        for _ in range(20):
+            imu.publish(message)
+            bench.spin(0.02)
+            if bench.node.shell._floor_pose._acceleration is not None:
+                break
+        bench.expect(1)
+        # a quarter turn about x takes y to z and z to -y
+        expected = np.array([0.0, 9.8, -0.5] if not imu_to_camera else [0.0, 0.5, 9.8])
+        np.testing.assert_allclose(
+            bench.estimators[0].priors[-1].gravity, expected / np.linalg.norm(expected), atol=1e-6
+        )
+        bench.until(lambda: floor_source(bench) == "imu")
