@@ -60,9 +60,7 @@ def observe(frame: RgbdFrame, labels40: NDArray[np.uint8], step_px: int = 4) -> 
         raise ValueError(f"frame {frame.name!r} has no depth; the layout fit needs it")
     if labels40.shape != frame.depth_m.shape or labels40.dtype != np.uint8:
         size = frame.depth_m.shape
-        raise ValueError(
-            f"labels are {labels40.dtype} {labels40.shape}; they must be uint8 {size} as the frame"
-        )
+        raise ValueError(f"labels are {labels40.dtype} {labels40.shape}; they must be uint8 {size} as the frame")
     kind = classes(labels40)
     with np.errstate(divide="ignore", invalid="ignore"):
         w = np.where(frame.depth_m > 0, 1.0 / frame.depth_m, 0.0)

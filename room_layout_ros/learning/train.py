@@ -148,17 +148,13 @@ def learn_weights(
     raise ValueError(f"algorithm is {config.algorithm!r}; allowed are one-slack, frank-wolfe")
 
 
-def local_separator(
-    examples: Sequence[JointExample], estimator: EstimatorConfig
-) -> LocalSeparator[JointExample]:
+def local_separator(examples: Sequence[JointExample], estimator: EstimatorConfig) -> LocalSeparator[JointExample]:
     """Return the oracle over examples in memory, with the blocks of the estimator's variant."""
     off = set(VARIANTS[estimator.joint_variant]) | (set() if estimator.use_depth else set(VARIANTS["rgb"]))
     return LocalSeparator(JointOracle(estimator, active_features(tuple(sorted(off)))), examples)
 
 
-def validate(
-    weights: ModelWeights, examples: Sequence[JointExample], config: EstimatorConfig
-) -> dict[str, float]:
+def validate(weights: ModelWeights, examples: Sequence[JointExample], config: EstimatorConfig) -> dict[str, float]:
     """Return mean losses in percent: layout, labelling, and what the truth itself would have (attainable)."""
     losses = [predict_loss(weights, example, config) for example in examples]
     return {
