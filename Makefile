@@ -66,7 +66,7 @@ fuzz: $(STAMP)
 soak: $(STAMP)
 	$(BIN)/python -m pytest -m soak $(PYTEST_ARGS)
 
-# The versions of Ubuntu 24.04, once: the core, its inputs and outputs without ROS
+# The versions of Ubuntu 24.04: all without ROS and without Rerun, which needs NumPy 2
 oldest: .venv-oldest/.installed
 	AMENT_PREFIX_PATH= .venv-oldest/bin/python -m pytest -m "not dds" $(PYTEST_ARGS)
 
@@ -76,7 +76,7 @@ oldest: .venv-oldest/.installed
 	@[ -x .venv-oldest/bin/python ] || $(PYTHON) -m venv .venv-oldest
 	.venv-oldest/bin/python -m pip install --quiet --constraint constraints-oldest.txt pip setuptools wheel
 	PYTHONWARNINGS=ignore .venv-oldest/bin/python -m pip install --quiet --no-build-isolation --constraint constraints-oldest.txt \
-	  --editable '.[test,playback,datasets,train,viz]'
+	  --editable '.[test,playback,datasets,train]' matplotlib pillow
 	@touch $@
 
 clean:

@@ -16,9 +16,9 @@ REQUIRES = ["numpy>=1.26", "numba>=0.58", "scipy>=1.11", "opencv-python-headless
 EXTRAS = {
     # Exactly these: an unpinned ros-rclpy is another ROS distribution, and rclpy without fastrtps has no transport.
     "ros": ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
-    "playback": ["rosbags>=0.11", "tqdm>=4.66"],
+    "playback": ["rosbags>=0.11.9", "tqdm>=4.66"],
     "datasets": ["h5py>=3.10"],
-    "train": ["scikit-learn>=1.4", "joblib>=1.3", "dask[distributed]>=2024.1", "tqdm>=4.66"],
+    "train": ["scikit-learn>=1.4", "joblib>=1.3", "dask[distributed]>=2024.1", "clarabel>=0.10", "tqdm>=4.66"],
     "viz": ["matplotlib>=3.6", "pillow>=10", "rerun-sdk>=0.23", "tqdm>=4.66"],
     "bench": ["scikit-image>=0.22", "psutil>=5.9"],
     "test": ["pytest>=7.4", "hypothesis>=6.98", "psutil>=5.9"],

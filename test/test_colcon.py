@@ -60,7 +60,7 @@ def test_share_holds_what_the_source_has(workspace: Path, repository: Path) -> N
     assert (share / "ament_index" / "resource_index" / "packages" / "room_layout_ros").is_file()
     for folder in ("config", "launch"):
         shipped = {p.name for p in (repository / folder).iterdir() if p.is_file()}
-        assert {p.name for p in (share / "room_layout_ros" / folder).iterdir()} == shipped
+        assert {p.name for p in (share / "room_layout_ros" / folder).iterdir() if p.is_file()} == shipped
 
 
 def test_ament_index_finds_the_workspace(workspace: Path, sourced: dict[str, str]) -> None:
