@@ -96,7 +96,13 @@ def test_multiclass_svm_is_that_of_scikit_learn(points: list[Point], C: float) -
     svm = pytest.importorskip("sklearn.svm", reason="scikit-learn is in the extra train")
     result = learn_one_slack(LocalSeparator(multiclass_oracle, points), np.zeros(12), SvmConfig(C, 1e-5 / C, 2000))
     reference = svm.LinearSVC(
-        C=C / len(points), multi_class="crammer_singer", fit_intercept=False, tol=1e-8, max_iter=200_000, random_state=0
+        C=C / len(points),
+        dual=True,
+        multi_class="crammer_singer",
+        fit_intercept=False,
+        tol=1e-8,
+        max_iter=200_000,
+        random_state=0,
     ).fit(np.array([x for x, _ in points]), [y for _, y in points])
     assert result.converged
     assert primal(result.weights, points, C) == pytest.approx(primal(reference.coef_.ravel(), points, C), rel=1e-4)
