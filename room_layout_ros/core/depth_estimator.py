@@ -1,4 +1,4 @@
-"""The named baseline "depth": no learning, no colour but for superpixels; planes by support and violation, labels by distance."""
+"""The named baseline "depth": no learning; planes by support and violation, labels by distance, colour for superpixels."""
 
 from __future__ import annotations
 

@@ -76,9 +76,12 @@ class LayoutEstimator:
             return run("layout", estimate_from_depth, frame, geometry, axes, superpixels, run.timings_ms)
 
         models = self.models[geometry is not None]
-        features, orientation = run("features", describe_superpixels, superpixels, color, inverse_depth, axes, camera, segments)
+        features, orientation = run(
+            "features", describe_superpixels, superpixels, color, inverse_depth, axes, camera, segments
+        )
         context = run("context", compute_geometric_context, features, models.context)
-        evidence = run("evidence", gather_hypotheses, superpixels, axes, camera, context, orientation, geometry is not None, config.axes_hypotheses)
+        cues, count = geometry is not None, config.axes_hypotheses
+        evidence = run("evidence", gather_hypotheses, superpixels, axes, camera, context, orientation, cues, count)
         joint = run("joint", estimate_joint, camera, superpixels, evidence, geometry, models.joint, config, expired)
         cuboid = run("refinement", refine_cuboid, joint.cuboid, geometry, superpixels, context)
         return run("conclusion", conclude, frame, axes, superpixels, joint, cuboid, run.timings_ms)

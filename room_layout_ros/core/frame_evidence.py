@@ -33,8 +33,10 @@ def describe_superpixels(
         Orientation map; None without colour.
     """
     R = axes.R_room_camera
-    line_class = None if segments is None else classify_segments(segments, R, camera)
-    orientation = None if segments is None or line_class is None else compute_orientation_map(segments, line_class, R, camera)
+    line_class = orientation = None
+    if segments is not None:
+        line_class = classify_segments(segments, R, camera)
+        orientation = compute_orientation_map(segments, line_class, R, camera)
     features = compute_superpixel_features(
         superpixels, color, inverse_depth, R, camera, segments, line_class, orientation
     )

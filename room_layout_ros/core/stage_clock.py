@@ -17,6 +17,7 @@ class StageClock:
         self.timings_ms: dict[str, float] = {}
 
     def __call__(self, stage: str, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """Return `function(*args, **kwargs)`; its time is booked under `stage`."""
         start = time.perf_counter_ns()
         value = function(*args, **kwargs)
         self.timings_ms[stage] = (time.perf_counter_ns() - start) * 1e-6

@@ -1,7 +1,7 @@
 """Names of the walls: front is the visible wall that faces the camera most, left and right follow.
 
-Which axis is called Z is a convention, not a measurement, so evidence can be turned to another naming, and every estimate
-ends in the same one.
+Which axis is called Z is a convention, not a measurement, so evidence can be turned to another naming, and every
+estimate ends in the same one.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def name_walls(cuboid: RoomCuboid, seen: NDArray[np.bool_]) -> tuple[RoomCuboid,
     origin : (5,) index of each face among the old ones, -1 for a face that is new and absent.
     """
     R, distances = cuboid.R_room_camera, cuboid.distances
-    facing = [abs(R[0, 2]) if seen[_LEFT] else -1.0, abs(R[2, 2]) if seen[_FRONT] else -1.0, abs(R[0, 2]) if seen[_RIGHT] else -1.0]
+    facing = [abs(R[axis, 2]) if seen[wall] else -1.0 for wall, axis in ((_LEFT, 0), (_FRONT, 2), (_RIGHT, 0))]
     best = int(np.argmax(facing))
     if best == 1 or facing[best] <= facing[1] or (seen[_LEFT] and seen[_RIGHT]):
         return cuboid, np.arange(N_FACES)
