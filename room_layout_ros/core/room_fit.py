@@ -19,9 +19,6 @@ from numpy.typing import NDArray
 from .depth import CELL_PX, NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma
 from .layout import FACE_AXIS, FACE_SIGN
 
-KINDS = 4
-"""Kinds of a cell: ceiling, floor, wall, clutter."""
-
 _COSTS = np.array([1.5, 0.8, 0.12, 0.004, 0.10, 0.025, 0.7, 1.0])
 """Wrong kind of face (also: no face), clutter beyond, clutter apart per metre (to 1 m), each face in use, tolerance
 in m and per metre, factor for wall beyond (windows, doors and mirrors show what is behind). Unit: a wall cell
@@ -51,7 +48,7 @@ class RoomCells:
     Attributes
     ----------
     rays : (n, 3) float64, K^-1 (x, y, 1) of their centres. inverse_depth : (n,) float64, 1/m, 0 not measured.
-    probability : (n, 4) float64 of the `KINDS`; rows may sum to less than 1 (nothing known).
+    probability : (n, 6) float64 of the labels; rows may sum to less than 1 (nothing known).
     """
 
     rays: NDArray[np.float64]
@@ -83,9 +80,8 @@ def room_cells(geometry: DepthGeometry, probability: NDArray[np.float64], superp
     y = np.arange(rows) * CELL_PX + (CELL_PX - 1) / 2
     right, down = ((x - camera.cx) / camera.fx)[None, :], ((y - camera.cy) / camera.fy)[:, None]
     rays = np.stack(np.broadcast_arrays(right, down, 1.0), -1)
-    kinds = np.column_stack([probability[:, 0], probability[:, 1], probability[:, 2:5].sum(axis=1), probability[:, 5]])
     order = _interleaved(rows * cols)
-    probabilities = _cell_means(superpixels, kinds, rows, cols, CELL_PX)
+    probabilities = _cell_means(superpixels, probability, rows, cols, CELL_PX)
     return RoomCells(rays.reshape(-1, 3)[order], w.ravel()[order], probabilities[order])
 
 
@@ -131,10 +127,10 @@ def _candidates(cells: RoomCells, R: NDArray[np.float64]) -> list[list[float]]:
     result = []
     for face in range(5):
         along = FACE_SIGN[face] * points[:, FACE_AXIS[face]]
-        mine = probability[:, min(face, 2)]
+        mine = probability[:, face] if face < 2 else probability[:, 2:5].sum(axis=1)
         values = _modes(along, mine, 5)
         if face >= 2:
-            values += _modes(along, probability[:, 3], 2)
+            values += _modes(along, probability[:, 5], 2)
             if (along > _MIN_DISTANCE_M).sum() > 12:
                 values += [float(v) for v in np.quantile(along[along > _MIN_DISTANCE_M], (0.98, 0.995))]
         elif mine.sum() < 4.0:  # of 3072 cells: none to speak of
@@ -207,13 +203,16 @@ def mean_cost(rays, inverse_depth, probability, R, distances, costs, count, limi
             value = m[k, 0] * rays[i, 0] + m[k, 1] * rays[i, 1] + m[k, 2] * rays[i, 2]
             if value > best:
                 best, face = value, k
-        structure = probability[i, 0] + probability[i, 1] + probability[i, 2]
-        clutter = probability[i, 3]
+        walls = probability[i, 2] + probability[i, 3] + probability[i, 4]
+        structure = probability[i, 0] + probability[i, 1] + walls
+        clutter = probability[i, 5]
         if face < 0:
             total += costs[0] * structure + costs[1] * clutter
             continue
-        mine = probability[i, min(face, 2)]
+        mine = probability[i, face] if face < 2 else walls
         total += costs[0] * (structure - mine)
+        if face >= 2:
+            total += costs[7] * (walls - probability[i, face])
         w = inverse_depth[i]
         if w > 0.0:
             offset = distances[face] * (best / w - 1.0)  # of the point beyond the plane
@@ -221,7 +220,7 @@ def mean_cost(rays, inverse_depth, probability, R, distances, costs, count, limi
             if offset > 0.0:
                 total += off * (mine * (costs[6] if face >= 2 else 1.0) + clutter * costs[1])
             else:
-                total += off * mine * costs[7] + clutter * costs[2] * min(-offset, 1.0)
+                total += off * mine + clutter * costs[2] * min(-offset, 1.0)
         if i % 64 == 63 and total > stop:
             return np.inf
     faces = 0
@@ -316,14 +315,17 @@ def _polish(rays, inverse_depth, probability, R, distances):  # type: ignore[no-
                 value = m[k, 0] * rays[i, 0] + m[k, 1] * rays[i, 1] + m[k, 2] * rays[i, 2]
                 if value > best:
                     best, face = value, k
-            if face < 0 or probability[i, min(face, 2)] < 0.5:
+            if face < 0:
+                continue
+            mine = probability[i, face] if face < 2 else probability[i, 2] + probability[i, 3] + probability[i, 4]
+            if mine < 0.5:
                 continue
             sigma = depth_sigma(1.0 / w, NOISE_FLOOR_M, NOISE_QUADRATIC)
             residual = distances[face] * (best / w - 1.0)
             relative = abs(residual) / (sigma * scale)
             if relative > _POLISH_SIGMAS:
                 continue
-            weight = probability[i, min(face, 2)] / (sigma * sigma * (1.0 + relative * relative))
+            weight = mine / (sigma * sigma * (1.0 + relative * relative))
             spread += weight * abs(residual) / sigma
             total += weight
             nx, ny, nz = m[face] * distances[face]
