@@ -1,4 +1,4 @@
-"""The named baseline "depth": no learning; planes by support and violation, labels by distance, colour for superpixels."""
+"""The named baseline "depth": no learning; planes by support and violation, labels by distance, colour for segments."""
 
 from __future__ import annotations
 
