@@ -121,16 +121,19 @@ class EstimatorConfig:
     obstacle_min_height_m: float = _p(0.02, "what is lower lies on the floor and can be driven over", "m", 0.005, 0.5)
     robot_height_m: float = _p(2.0, "what is higher the robot passes under", "m", 0.05, 5.0)
     obstacle_noise_factor: float = _p(
-        3.0, "a pixel is an obstacle above this many standard deviations of the floor's height", "", 1.0, 10.0
+        3.5, "a pixel is an obstacle above this many standard deviations of the floor's height", "", 1.0, 10.0
     )
     obstacle_min_area: float = _p(
-        0.1, "visible surface that makes a cell occupied, as a share of a square of the cell's side", "", 0.0, 1.0
+        0.2, "visible surface of a thing that makes it an obstacle, as a share of a square of the cell's side", "", 0.0, 1.0
     )
     obstacle_margin_m: float = _p(0.10, "cells this near before an obstacle are not called free", "m", 0.0, 1.0)
     free_min_seen: float = _p(0.4, "share of a cell's floor that must be seen to call it free", "", 0.05, 1.0)
     free_beyond_walls: bool = _p(False, "floor seen beyond a wall of the room (open door) may be free")
     scan_beams: int = _p(160, "beams of the scan across the field of view", "", 8, 4000)
     cloud_step: int = _p(2, "one in so many pixels per row and column enters the obstacle and floor clouds", "", 1, 16)
+    # things as boxes
+    object_min_share: float = _p(0.003, "share of the image that a thing must cover to become a box", "", 0.0001, 1.0)
+    object_max_count: int = _p(20, "boxes per frame at most, the largest in the image", "", 1, 200)
 
     def __post_init__(self) -> None:
         for parameter in parameters(type(self)):

@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from .config import EstimatorConfig
 from .depth import DepthGeometry
-from .floor_plane import BAND_M, FloorFit
+from .floor_plane import BAND_M, FloorFit, tile_offset
 
 NOTHING, FLOOR_PIXEL, OBSTACLE_PIXEL, WALL_PIXEL, HOLE_PIXEL, BEYOND_PIXEL = range(6)
 """Kinds of pixels: not measured or over the robot, floor, thing, wall of the room, below the floor, beyond a wall."""
 
 _ON_WALL_M = 0.02
-_ON_WALL_SIGMAS = 2.0
+_ON_WALL_SIGMAS = 3.0
+_NEXT_TO_M = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +37,7 @@ class FloorCells:
     height_m : (rows, cols) float32 mean height of its floor pixels, NaN without any.
     floor_pixels, obstacle_pixels : (rows, cols) int32 counts.
     obstacle : (rows, cols) float32 visible surface of things, as a share of the cell's area.
+    touched : (rows, cols) float32 the same, of things in the cell or within `_NEXT_TO_M` beside it.
     nearest_m : (rows, cols) float32 distance of the nearest thing in the cell from below the camera, inf without.
     hole : (rows, cols) float32 floor that is missing, as a share of the cell's area.
     kind : (H, W) uint8 kind of each pixel. cell : (H, W) int32 flat index of the cell it counts in, -1 outside.
@@ -48,6 +50,7 @@ class FloorCells:
     floor_pixels: NDArray[np.int32]
     obstacle_pixels: NDArray[np.int32]
     obstacle: NDArray[np.float32]
+    touched: NDArray[np.float32]
     nearest_m: NDArray[np.float32]
     hole: NDArray[np.float32]
     kind: NDArray[np.uint8]
@@ -81,14 +84,14 @@ def sum_floor_cells(
     cols, rows = round(config.free_space_forward_m / size), 2 * round(config.free_space_side_m / size)
     origin = (0.0, -0.5 * rows * size)
     c = geometry.camera
-    seen, total, floor, things, surface, nearest, hole, kind, cell = _sum_cells(
-        geometry.inverse_depth, (c.fx, c.fy, c.cx, c.cy), T_camera_floor, fit.distance_m, fit.sigma_m, walls,
+    seen, total, floor, things, surface, touched, nearest, hole, kind, cell = _sum_cells(
+        geometry.inverse_depth, (c.fx, c.fy, c.cx, c.cy), T_camera_floor, fit.distance_m, fit.sigma_m, fit.offset_m, walls,
         (origin[0], origin[1], size), (rows, cols),
         (config.obstacle_min_height_m, config.obstacle_noise_factor, config.robot_height_m),
     )  # fmt: skip
     with np.errstate(invalid="ignore"):
         height = (total / floor).astype(np.float32)
-    return FloorCells(size, origin, seen, height, floor, things, surface, nearest, hole, kind, cell)
+    return FloorCells(size, origin, seen, height, floor, things, surface, touched, nearest, hole, kind, cell)
 
 
 @njit(cache=True, nogil=True)
@@ -100,7 +103,7 @@ def band_sigma(sigma, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _sum_cells(inverse, intrinsics, T, distance, sigma, walls, corner, shape, limits):  # type: ignore[no-untyped-def]
+def _sum_cells(inverse, intrinsics, T, distance, sigma, offset, walls, corner, shape, limits):  # type: ignore[no-untyped-def]
     fx, fy, cx, cy = intrinsics
     x0, y0, size = corner
     rows, cols = shape
@@ -111,6 +114,7 @@ def _sum_cells(inverse, intrinsics, T, distance, sigma, walls, corner, shape, li
     floor = np.zeros((rows, cols), np.int32)
     things = np.zeros((rows, cols), np.int32)
     surface = np.zeros((rows, cols), np.float32)
+    touched = np.zeros((rows, cols), np.float32)
     nearest = np.full((rows, cols), np.inf, np.float32)
     hole = np.zeros((rows, cols), np.float32)
     kind = np.zeros((height, width), np.uint8)
@@ -128,7 +132,7 @@ def _sum_cells(inverse, intrinsics, T, distance, sigma, walls, corner, shape, li
             ay = T[0, 1] * rx + T[1, 1] * ry + T[2, 1]
             az = T[0, 2] * rx + T[1, 2] * ry + T[2, 2]
             z = 1.0 / w
-            h = distance + az * z
+            h = distance + az * z - tile_offset(offset, u, v)
             if h > highest:
                 continue
             noise = band_sigma(sigma, z)
@@ -164,5 +168,11 @@ def _sum_cells(inverse, intrinsics, T, distance, sigma, walls, corner, shape, li
             elif what == OBSTACLE_PIXEL:
                 surface[i, j] += per_pixel * z * z
                 things[i, j] += 1
+                for m in range(int(np.floor((y - _NEXT_TO_M - y0) / size)), int(np.floor((y + _NEXT_TO_M - y0) / size)) + 1):
+                    for n in range(
+                        int(np.floor((x - _NEXT_TO_M - x0) / size)), int(np.floor((x + _NEXT_TO_M - x0) / size)) + 1
+                    ):
+                        if 0 <= m < rows and 0 <= n < cols:
+                            touched[m, n] += per_pixel * z * z
                 nearest[i, j] = min(nearest[i, j], np.sqrt(x * x + y * y))
-    return seen, total, floor, things, surface, nearest, hole, kind, cell
+    return seen, total, floor, things, surface, touched, nearest, hole, kind, cell

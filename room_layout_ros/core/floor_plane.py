@@ -17,16 +17,21 @@ from numpy.typing import NDArray
 from .config import EstimatorConfig
 from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma
 from .estimate import RoomEstimate
+from .frame import CameraIntrinsics
 from .labels import CLUTTER, FLOOR
 
 BAND_M = 0.5
 """Width of the distance bands in which the noise is measured."""
+
+TILE_PX = 64
+"""Side of the image tiles in which the slow error of the sensor (ripple, radial error) is followed."""
 
 _BANDS = 24
 _STRIDE = 2
 _HALF_WIDTHS_M = (0.10, 0.05, 0.03, 0.03)
 _MIN_SIGMA_M = 0.002
 _MIN_BAND_PIXELS = 60
+_MIN_TILE_PIXELS = 100
 _HISTOGRAM_M = 0.001
 _HISTOGRAM_BINS = 120
 _MAD_TO_SIGMA = 1.4826
@@ -70,6 +75,7 @@ class FloorFit:
     ----------
     normal : (3,) float64 unit vector down, camera frame. distance_m : height of the camera over it.
     sigma_m : (24,) float64 standard deviation of the height of floor pixels, per `BAND_M` of depth Z.
+    offset_m : (rows, cols) float64 height that the sensor gives to the floor in each tile of `TILE_PX`: its slow error.
     pixels : how many support it (0: taken over from the prior as it is).
     source : of the start, with "+depth" where the depth image refined it.
     """
@@ -77,6 +83,7 @@ class FloorFit:
     normal: NDArray[np.float64]
     distance_m: float
     sigma_m: NDArray[np.float64]
+    offset_m: NDArray[np.float64]
     pixels: int
     source: str
 
@@ -116,12 +123,14 @@ def fit_floor(
     for half_width in _HALF_WIDTHS_M:
         sums, pixels = _floor_sums(geometry.inverse_depth, maybe, *intrinsics, plane, half_width, _STRIDE)
         if pixels < least:
-            return None if prior is None or np.isnan(prior.distance_m) else _as_given(prior)
+            return None if prior is None or np.isnan(prior.distance_m) else _as_given(prior, camera)
         plane = np.linalg.solve(sums[:, :3], sums[:, 3])
     length = float(np.linalg.norm(plane))
-    counts = _height_histogram(geometry.inverse_depth, maybe, *intrinsics, plane, _STRIDE)
-    sigma = _sigma_bands(counts, 1.0 / length)
-    return FloorFit(plane / length, 1.0 / length, sigma, int(pixels) * _STRIDE**2, f"{start.source}+depth")
+    flat = np.zeros(_tiles(camera.height, camera.width))
+    sigma = _sigma_bands(_heights(geometry.inverse_depth, maybe, *intrinsics, plane, flat, _STRIDE), 1.0 / length)
+    offset = _offsets(geometry.inverse_depth, maybe, *intrinsics, plane, sigma, _STRIDE)
+    sigma = _sigma_bands(_heights(geometry.inverse_depth, maybe, *intrinsics, plane, offset, _STRIDE), 1.0 / length)
+    return FloorFit(plane / length, 1.0 / length, sigma, offset, int(pixels) * _STRIDE**2, f"{start.source}+depth")
 
 
 def _from_cuboid(estimate: RoomEstimate) -> FloorPlane | None:
@@ -145,10 +154,15 @@ def _height_along(geometry: DepthGeometry, floor: NDArray[np.bool_], normal: NDA
     return float(np.median((rays @ normal) / geometry.inverse_depth[seen]))
 
 
-def _as_given(prior: FloorPlane) -> FloorFit:
+def _as_given(prior: FloorPlane, camera: CameraIntrinsics) -> FloorFit:
     z = (np.arange(_BANDS) + 0.5) * BAND_M
     sigma = np.asarray(depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC)) * prior.distance_m / z
-    return FloorFit(prior.normal, prior.distance_m, np.maximum(sigma, _MIN_SIGMA_M), 0, prior.source)
+    flat = np.zeros(_tiles(camera.height, camera.width))
+    return FloorFit(prior.normal, prior.distance_m, np.maximum(sigma, _MIN_SIGMA_M), flat, 0, prior.source)
+
+
+def _tiles(height: int, width: int) -> tuple[int, int]:
+    return -(-height // TILE_PX), -(-width // TILE_PX)
 
 
 def _sigma_bands(counts: NDArray[np.int64], height: float) -> NDArray[np.float64]:
@@ -204,8 +218,21 @@ def _floor_sums(inverse, maybe, fx, fy, cx, cy, plane, half_width, stride):  # t
 
 
 @njit(cache=True, nogil=True)
-def _height_histogram(inverse, maybe, fx, fy, cx, cy, plane, stride):  # type: ignore[no-untyped-def]
-    """Count |height| of possible floor pixels in mm bins, per distance band."""
+def tile_offset(offset, u, v):  # type: ignore[no-untyped-def]
+    """Offset of the floor at a pixel, bilinear between the middles of the tiles."""
+    rows, cols = offset.shape
+    y = min(max((v + 0.5) / TILE_PX - 0.5, 0.0), rows - 1.0)
+    x = min(max((u + 0.5) / TILE_PX - 0.5, 0.0), cols - 1.0)
+    i, j = min(int(y), max(rows - 2, 0)), min(int(x), max(cols - 2, 0))
+    m, n = min(i + 1, rows - 1), min(j + 1, cols - 1)
+    p, q = y - i, x - j
+    top = offset[i, j] + q * (offset[i, n] - offset[i, j])
+    return top + p * (offset[m, j] + q * (offset[m, n] - offset[m, j]) - top)
+
+
+@njit(cache=True, nogil=True)
+def _heights(inverse, maybe, fx, fy, cx, cy, plane, offset, stride):  # type: ignore[no-untyped-def]
+    """Count |height| of floor pixels at or below the floor in mm bins, per distance band: things only stand above it."""
     counts = np.zeros((_BANDS, _HISTOGRAM_BINS), np.int64)
     d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
     height, width = inverse.shape
@@ -215,9 +242,38 @@ def _height_histogram(inverse, maybe, fx, fy, cx, cy, plane, stride):  # type: i
             w = inverse[y, x]
             if w <= 0.0 or maybe[y, x] == 0:
                 continue
-            h = d * (1.0 - (plane[0] * ((x - cx) / fx) + plane[1] * ry + plane[2]) / w)
+            h = d * (1.0 - (plane[0] * ((x - cx) / fx) + plane[1] * ry + plane[2]) / w) - tile_offset(offset, x, y)
             k = int(abs(h) / _HISTOGRAM_M)
             band = int(1.0 / (w * BAND_M))
-            if k < _HISTOGRAM_BINS and band < _BANDS:
+            if k < _HISTOGRAM_BINS and band < _BANDS and h <= 0.0:
                 counts[band, k] += 1
     return counts
+
+
+@njit(cache=True, nogil=True)
+def _offsets(inverse, maybe, fx, fy, cx, cy, plane, sigma, stride):  # type: ignore[no-untyped-def]
+    """Median height of the floor pixels within three sigma, per tile; at most one sigma, 0 where there are few."""
+    height, width = inverse.shape
+    rows, cols = (height + TILE_PX - 1) // TILE_PX, (width + TILE_PX - 1) // TILE_PX
+    result = np.zeros((rows, cols))
+    values = np.empty(TILE_PX * TILE_PX)
+    d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
+    for i in range(rows):
+        for j in range(cols):
+            count, noise = 0, 0.0
+            for y in range(i * TILE_PX, min((i + 1) * TILE_PX, height), stride):
+                ry = (y - cy) / fy
+                for x in range(j * TILE_PX, min((j + 1) * TILE_PX, width), stride):
+                    w = inverse[y, x]
+                    if w <= 0.0 or maybe[y, x] == 0:
+                        continue
+                    h = d * (1.0 - (plane[0] * ((x - cx) / fx) + plane[1] * ry + plane[2]) / w)
+                    s = sigma[min(int(1.0 / (w * BAND_M)), _BANDS - 1)]
+                    if abs(h) < 3.0 * s:
+                        values[count] = h
+                        noise += s
+                        count += 1
+            if count >= _MIN_TILE_PIXELS:
+                noise /= count
+                result[i, j] = min(max(np.median(values[:count]), -noise), noise)
+    return result

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -28,7 +29,12 @@ _RANGE_BAND_M = 0.5
 _LOW_SHARE = 0.6
 _LOW_SIGMAS = 4.0
 _DOUBT_SIGMAS = 2.5
+_PATCH_SHARE = 0.2
+_TOUCH_SHARE = 0.1
+_TAIL_SHARE = 0.25
 _BEHIND_CELLS = 3
+_GAP = np.ones((5, 5), np.uint8)
+"""A gap between things that this square of cells closes is not called free."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,9 +111,30 @@ def compute_free_space(
 
 
 def _occupied(cells: FloorCells, config: EstimatorConfig) -> NDArray[np.bool_]:
-    """Cells in which a thing stands: enough surface above the noise, or floor pixels that are too high on average."""
-    enough = (cells.obstacle >= config.obstacle_min_area) & (cells.obstacle_pixels >= _MIN_PIXELS)
-    return np.asarray(enough | _raised(cells, config, _LOW_SIGMAS, _LOW_SHARE))
+    """Cells in which a thing stands: part of a patch with enough surface above the noise, or floor that is too high.
+
+    The surface is summed over the patch of touching cells: a thing of 3 cm may lie across four of them, while the
+    ripple of the sensor makes small patches everywhere.
+    """
+    some = (cells.obstacle >= _PATCH_SHARE * config.obstacle_min_area) & (cells.obstacle_pixels >= _MIN_PIXELS)
+    some &= ~_tails(cells)
+    count, patch = cv2.connectedComponents(some.astype(np.uint8), connectivity=8)
+    total = np.bincount(patch.ravel(), cells.obstacle.ravel(), count)
+    total[0] = 0.0
+    return np.asarray((total >= config.obstacle_min_area)[patch] | _raised(cells, config, _LOW_SIGMAS, _LOW_SHARE))
+
+
+def _tails(cells: FloorCells) -> NDArray[np.bool_]:
+    """Cells before a thing that hold but a small part of its surface: the noise of its distance."""
+    x, y = cells.centres()
+    r = np.hypot(x, y)
+    rows, cols = np.indices(x.shape)
+    behind = np.zeros(x.shape, np.float32)
+    for step in (1.0, 2.0):
+        i = np.clip(np.rint(rows + step * y / r).astype(int), 0, x.shape[0] - 1)
+        j = np.clip(np.rint(cols + step * x / r).astype(int), 0, x.shape[1] - 1)
+        behind = np.maximum(behind, cells.obstacle[i, j])
+    return np.asarray(cells.obstacle < _TAIL_SHARE * behind)
 
 
 def _raised(cells: FloorCells, config: EstimatorConfig, sigmas: float, share: float) -> NDArray[np.bool_]:
@@ -132,7 +159,10 @@ def _decide(
     config: EstimatorConfig,
 ) -> NDArray[np.int8]:
     doubtful = _raised(cells, config, _DOUBT_SIGMAS, 0.5)
-    free = (cells.seen >= config.free_min_seen) & ~doubtful & (cells.obstacle < 0.3 * config.obstacle_min_area)
+    beside = cv2.dilate(thing.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    doubtful |= (cells.obstacle >= 0.5 * config.obstacle_min_area)
+    doubtful |= beside & (cells.touched >= _TOUCH_SHARE * config.obstacle_min_area)
+    free = (cells.seen >= config.free_min_seen) & ~doubtful
     x, y = cells.centres()
     inside = np.ones(free.shape, bool)
     for a, b, c, _ in walls:
@@ -142,10 +172,12 @@ def _decide(
     grid[free & inside & ~wall] = FREE_CELL
     hole = cells.hole >= _MIN_HOLE
     grid[((thing | hole) & inside) | wall] = OCCUPIED_CELL
+    closed = cv2.morphologyEx((grid == OCCUPIED_CELL).astype(np.uint8), cv2.MORPH_CLOSE, _GAP)
+    grid[(closed > 0) & (grid == FREE_CELL)] = UNKNOWN_CELL
     reach = np.hypot(x, y) - 0.5 * cells.resolution_m
-    nearest = np.where(cells.obstacle >= config.obstacle_min_area, cells.nearest_m, reach)
+    nearest = np.where(np.isfinite(cells.nearest_m), cells.nearest_m, reach)
     nearest = np.where((thing | hole) & inside, nearest, np.inf).astype(np.float32)
-    _keep_away(grid, nearest, walls, *cells.origin_m, cells.resolution_m, config.obstacle_margin_m)
+    _keep_away(grid, nearest, walls, *cells.origin_m, cells.resolution_m, config.obstacle_margin_m + 0.25 * cells.resolution_m)
     return grid
 
 
@@ -197,9 +229,9 @@ def _keep_away(grid, nearest, walls, x0, y0, size, margin):  # type: ignore[no-u
             r = np.sqrt(x * x + y * y)
             ex, ey = x / r, y / r
             near = False
-            for k in range(1, steps + 1):
-                m = int(np.floor((y + 0.5 * k * size * ey - y0) / size))
-                n = int(np.floor((x + 0.5 * k * size * ex - x0) / size))
+            for k in range(steps + 1):
+                px, py = x + 0.5 * k * size * ex - x0, y + 0.5 * k * size * ey - y0
+                m, n = int(np.floor(py / size)), int(np.floor(px / size))
                 if 0 <= m < rows and 0 <= n < cols and nearest[m, n] <= r + margin:
                     near = True
             for k in range(len(walls)):
