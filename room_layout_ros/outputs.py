@@ -9,6 +9,7 @@ from typing import Any
 from msg_adapters import messages
 from msg_adapters.encode_image import encode_image
 from msg_adapters.encode_navigation import encode_cloud, encode_grid, encode_outline, encode_pose, encode_scan
+from msg_adapters.encode_objects import encode_objects
 from msg_adapters.encode_room import encode_markers, encode_polygons
 
 from .core.freespace import FreeSpace
@@ -55,6 +56,10 @@ def _polygons(scene: Scene) -> Sequence[Any]:
 
 def _markers(scene: Scene) -> Sequence[Any]:
     return [encode_markers(scene.estimate, scene.node.marker_lifetime)]
+
+
+def _objects(scene: Scene) -> Sequence[Any]:
+    return [encode_objects(scene.objects, scene.estimate, scene.node.marker_lifetime)]
 
 
 def _of_free_space(encode: Callable[[FreeSpace, Scene], Any]) -> Encode:
@@ -118,6 +123,7 @@ OUTPUTS = (
         "nearest thing or wall per beam; +Inf where floor was seen and nothing stands, NaN where nothing is known",
         on_floor=True,
     ),
+    Output("~/objects", messages.MarkerArray, 5, _objects, "things for RViz: upright boxes with class and size"),
     Output(
         "~/room_outline", messages.PolygonStamped, 2, _outline, "the room on the floor, clipped to the grid",
         on_floor=True,

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from .core.config import EstimatorConfig
-from .core.depth import compute_depth_geometry
+from .core.cuboids import ObjectCuboid, find_objects
+from .core.depth import DepthGeometry, compute_depth_geometry
 from .core.estimate import RoomEstimate
 from .core.floor_plane import FloorPlane
 from .core.frame import RgbdFrame
@@ -25,12 +26,23 @@ class Scene:
     floor: FloorPlane | None = None
 
     @cached_property
+    def geometry(self) -> DepthGeometry | None:
+        """Geometry of the depth image; None without (enough) depth."""
+        return compute_depth_geometry(self.frame, self.estimator)
+
+    @cached_property
     def free_space(self) -> FreeSpace | None:
         """Free space of the frame; None without depth or floor."""
-        geometry = compute_depth_geometry(self.frame, self.estimator)
-        if geometry is None:
+        if self.geometry is None:
             return None
-        return compute_free_space(geometry, self.estimate, self.estimator, self.floor)
+        return compute_free_space(self.geometry, self.estimate, self.estimator, self.floor)
+
+    @cached_property
+    def objects(self) -> tuple[ObjectCuboid, ...]:
+        """Things in the room; none without depth or floor."""
+        if self.geometry is None or self.free_space is None:
+            return ()
+        return find_objects(self.geometry, self.estimate, self.free_space.T_camera_floor, self.estimator)
 
     @property
     def floor_frame(self) -> str:
