@@ -87,7 +87,7 @@ class EstimatorConfig:
         2.0, "weight of the depth term, the residual to the superpixel's plane; 0 is plain SLIC", "", 0.0, 100.0
     )
     superpixel_lambda_gradient: float = _p(
-        0.0, "weight of the gradient of inverse depth, the paper's own term (lambda_d); 6 ms more", "", 0.0, 100.0
+        0.0, "weight of the gradient of inverse depth, the paper's own term (lambda_d); 20 ms more", "", 0.0, 100.0
     )
     superpixel_depth_cap: float = _p(20.0, "largest cost of a residual to the plane, in squared noise", "", 0.1, 1000.0)
     superpixel_noise_inverse_depth: float = _p(0.004, "noise of inverse depth (Kinect: constant)", "1/m", 1e-6, 1.0)
