@@ -22,7 +22,7 @@ _COARSE_ROWS, _COARSE_SHARE = 8, 0.29
 """They look at every eighth row, or, of small cells, at some four rows of each (ME 4.0 % as with every fourth row)."""
 
 _THIN_ROWS = 20.0
-"""From this spacing of the superpixels (px) on, every second row stands for two: a third less time for 1 % more errors."""
+"""From this spacing of the superpixels (px) on, every second row stands for two: a third less time, 1 % more errors."""
 
 _COLOR_SCALE = 10.0
 """Difference in Lab that weighs as much as the grid's spacing at superpixel_lambda_color = 1."""
