@@ -23,7 +23,9 @@ from room_frames import FRAME_ID, room_frame, stamp_ns
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
+from msg_adapters.messages import MarkerArray
 from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.outputs import OUTPUTS
 
 pytestmark = pytest.mark.dds
 
@@ -80,7 +82,7 @@ def remapped(namespace: str, *parameters: str) -> Sequence[str]:
 
 def played(repository: Path, bag: Path, namespace: str) -> tuple[str, dict[str, list[int]]]:
     """Play, estimate and record in three processes; return the player's words and the recorder's counts."""
-    topics = [f"{namespace}/estimator/{t}" for t in ("labels", "layout", "polygons")] + ["/diagnostics"]
+    topics = [o.topic.replace("~", f"{namespace}/estimator") for o in OUTPUTS] + ["/diagnostics"]
     with (
         python(repository, *NODE, *remapped(namespace, "warm_start:=false")) as node,
         python(repository, "-m", "room_layout_ros.recording", "--out", str(bag), *topics) as recorder,
@@ -145,15 +147,18 @@ def test_three_processes_at_30_hz_account_for_every_frame_and_agree_with_offline
     assert len(labels) == counts[f"{namespace}/estimator/labels"][0] == int(pairs["published"]) >= 5
     number = {stamp_ns(i): i for i in range(FRAMES)}
     estimator = LayoutEstimator()
-    for kind in ("labels", "layout"):
-        published = topics[f"{namespace}/estimator/{kind}"]
-        assert {stamp_of(m) for m in published} <= set(number)
-        assert {m.header.frame_id for m in published} == {FRAME_ID}
+    stamps = [stamp_of(m) for m in labels]
+    assert set(stamps) <= set(number)
+    assert stamps == sorted(set(stamps))
+    for output in OUTPUTS:
+        published = [m for m in topics[output.topic.replace("~", f"{namespace}/estimator")] if hasattr(m, "header")]
+        frame_id = f"{FRAME_ID}_floor" if output.on_floor else FRAME_ID
+        assert {m.header.frame_id for m in published} <= {frame_id}
+        if output.message is not MarkerArray:
+            assert {stamp_of(m) for m in published} == set(stamps), output.topic
     for message in labels[:: max(1, len(labels) // 12)]:
         estimate = estimator.estimate(room_frame(number[stamp_of(message)]))
         assert bytes(message.data) == estimate.labels.tobytes(), "bit-equal with the offline result"
-    polygons = topics[f"{namespace}/estimator/polygons"]
-    assert {stamp_of(m) for m in polygons} == {stamp_of(m) for m in labels}
 
 
 @pytest.mark.parametrize("number", (signal.SIGINT, signal.SIGTERM), ids=("SIGINT", "SIGTERM"))
