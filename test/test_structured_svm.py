@@ -119,19 +119,19 @@ def test_chain_model_meets_every_constraint_of_brute_force(chains: list[Chain]) 
     assert result.history[-1].dual <= objective <= result.history[-1].dual + C * 1e-4
 
 
-def test_frank_wolfe_and_cutting_planes_find_the_same(chains: list[Chain], rng: np.random.Generator) -> None:
+def test_frank_wolfe_and_cutting_planes_find_the_same(chains: list[Chain]) -> None:
     separator = LocalSeparator(chain_oracle, chains)
     planes = learn_one_slack(separator, np.zeros(15), SvmConfig(10.0, 1e-4))
-    blocks = learn_frank_wolfe(separator, np.zeros(15), SvmConfig(10.0, 2e-3, 400), rng)
+    blocks = learn_frank_wolfe(separator, np.zeros(15), SvmConfig(10.0, 2e-3, 400), seed=1)
     assert blocks.converged
     assert blocks.history[-1].objective == pytest.approx(planes.history[-1].objective, rel=0.01)
     apart = blocks.weights - planes.weights  # 1/2 ||w - w*||^2 <= gap, as the objective is strongly convex
     assert np.linalg.norm(apart) <= np.sqrt(2 * blocks.history[-1].gap) + np.sqrt(2 * planes.history[-1].gap)
 
 
-def test_batches_of_frank_wolfe_converge_too(chains: list[Chain], rng: np.random.Generator) -> None:
+def test_batches_of_frank_wolfe_converge_too(chains: list[Chain]) -> None:
     separator = LocalSeparator(chain_oracle, chains)
-    result = learn_frank_wolfe(separator, np.zeros(15), SvmConfig(10.0, 5e-3, 600), rng, batch=4)
+    result = learn_frank_wolfe(separator, np.zeros(15), SvmConfig(10.0, 5e-3, 600), seed=1, batch=4)
     assert result.converged
     assert result.history[-1].dual <= result.history[-1].objective
 
@@ -185,11 +185,25 @@ def test_a_checkpoint_of_another_run_is_refused(chains: list[Chain], tmp_path: P
         learn_one_slack(separator, np.zeros(15), SvmConfig(10.0), checkpoint=file)
 
 
-def test_no_example_and_bad_settings_are_refused(rng: np.random.Generator) -> None:
+def test_frank_wolfe_restarts_from_a_checkpoint_to_the_same_weights(chains: list[Chain], tmp_path: Path) -> None:
+    separator, file = LocalSeparator(chain_oracle, chains), tmp_path / "run.npz"
+    whole = learn_frank_wolfe(separator, np.zeros(15), SvmConfig(10.0, 1e-9, 20), seed=1)
+    learn_frank_wolfe(separator, np.zeros(15), SvmConfig(10.0, 1e-9, 10), seed=1, checkpoint=file)
+    second = learn_frank_wolfe(separator, np.zeros(15), SvmConfig(10.0, 1e-9, 20), seed=1, checkpoint=file)
+    assert [r.round for r in second.history] == [r.round for r in whole.history] == [5, 10, 15, 20]
+    np.testing.assert_array_equal(second.weights, whole.weights)
+    with pytest.raises(ValueError, match="other settings"):
+        learn_frank_wolfe(separator, np.zeros(15), SvmConfig(10.0), seed=2, checkpoint=file)
+    file.write_bytes(b"PK\x03\x04 cut")
+    with pytest.raises(ValueError, match="no checkpoint"):
+        learn_frank_wolfe(separator, np.zeros(15), SvmConfig(10.0), seed=1, checkpoint=file)
+
+
+def test_no_example_and_bad_settings_are_refused() -> None:
     empty: LocalSeparator[Chain] = LocalSeparator(chain_oracle, [])
     with pytest.raises(ValueError, match="no example"):
         learn_one_slack(empty, np.zeros(15), SvmConfig())
     with pytest.raises(ValueError, match="no example"):
-        learn_frank_wolfe(empty, np.zeros(15), SvmConfig(), rng)
+        learn_frank_wolfe(empty, np.zeros(15), SvmConfig(), seed=1)
     with pytest.raises(ValueError, match="above 0"):
         SvmConfig(C=0.0)
