@@ -24,6 +24,7 @@ NOTHING, FLOOR_PIXEL, OBSTACLE_PIXEL, WALL_PIXEL, HOLE_PIXEL, BEYOND_PIXEL = ran
 _ON_WALL_M = 0.02
 _ON_WALL_SIGMAS = 3.0
 _NEXT_TO_M = 0.02
+_FAR_M = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +137,8 @@ def _sum_cells(inverse, intrinsics, T, distance, sigma, offset, walls, corner, s
             if h > highest:
                 continue
             noise = band_sigma(sigma, z)
-            threshold = max(lowest, factor * noise)
+            # Near the camera a thing covers many more pixels than a ripple of the noise: a lower threshold does.
+            threshold = max(lowest, (factor - min(max(_FAR_M - z, 0.0), 1.5)) * noise)
             if h > threshold:
                 x, y = ax * z, ay * z
                 what = OBSTACLE_PIXEL

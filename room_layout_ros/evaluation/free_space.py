@@ -12,9 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from room_layout_ros.core.freespace import FREE_CELL, FreeSpace
+from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, FreeSpace
 from room_layout_ros.datasets.sample import FloorMap, Sample
-from room_layout_ros.datasets.synthetic import SyntheticRoom, floor_map
+from room_layout_ros.datasets.synthetic import SyntheticRoom, camera_pose, floor_map, random_scene
+from room_layout_ros.datasets.synthetic.floor import is_free
+from room_layout_ros.datasets.synthetic.shapes import Material, Solid
 
 from .geometry import grid_iou
 
@@ -163,3 +165,46 @@ def _sight(
             if sensed is not None:
                 measured += there & np.isfinite(sensed[v, u])
     return seen / _SAMPLES**2, measured / _SAMPLES**2
+
+
+def scene_with_small_things(
+    rng: np.random.Generator, size_m: float, distance_m: float = 1.5, count: int = 5
+) -> tuple[SyntheticRoom, NDArray[np.float64], NDArray[np.float64]]:
+    """Return a room, a camera pose and the places (count, 2; x ahead, y left) of cubes on the floor at one distance."""
+    room = random_scene(rng, "cuboid", furniture=0.3)
+    low, high = room.corners.min(axis=0), room.corners.max(axis=0)
+    while True:
+        x, y = rng.uniform(low, high)
+        yaw = float(rng.uniform(-np.pi, np.pi))
+        ahead = np.array([np.cos(yaw), np.sin(yaw)])
+        clear = [is_free(room, x + s * ahead[0], y + s * ahead[1], 0.45) for s in (0.0, 0.5, 1.0, 1.5)]
+        if all(clear):
+            break
+    height = float(rng.uniform(0.4, 1.4))
+    pitch = -float(np.arctan2(height, 2.6))
+    bearings = np.deg2rad(np.linspace(-16.0, 16.0, count) + rng.uniform(-2.0, 2.0, count))
+    places = distance_m * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
+    solids = []
+    for k, (forward, left) in enumerate(places):
+        at = np.array([x, y]) + forward * ahead + left * np.array([-ahead[1], ahead[0]])
+        color = tuple(int(v) for v in rng.integers(40, 220, 3))
+        solids.append(
+            Solid(float(at[0]), float(at[1]), float(rng.uniform(0, np.pi)), size_m, size_m, 0.0, size_m, 40,
+                  Material((color[0], color[1], color[2])), thing=2000 + k)
+        )  # fmt: skip
+    return room.furnished(tuple(solids)), camera_pose(float(x), float(y), height, yaw, pitch), places
+
+
+def found_things(free_space: FreeSpace | None, places: NDArray[np.float64], reach_m: float = 0.06) -> int:
+    """Return how many places (n, 2) have an occupied cell whose centre is within `reach_m`, and no free cell on them."""
+    if free_space is None:
+        return 0
+    rows, cols = free_space.grid.shape
+    x = free_space.origin_m[0] + (np.arange(cols) + 0.5) * free_space.resolution_m
+    y = free_space.origin_m[1] + (np.arange(rows) + 0.5) * free_space.resolution_m
+    found = 0
+    for px, py in places:
+        distance = np.hypot(x[None, :] - px, y[:, None] - py)
+        own = free_space.grid[np.unravel_index(int(np.argmin(distance)), distance.shape)]
+        found += bool((free_space.grid[distance <= reach_m] == OCCUPIED_CELL).any() and own != FREE_CELL)
+    return found
