@@ -6,6 +6,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -52,11 +53,16 @@ class Stages:
         self.down: NDArray[np.float64] | None = None
         self.gate = threading.Event()
         self.gate.set()
+        self.door = threading.Event()
+        self.door.set()
 
     def step(self, name: str) -> None:
         self.calls.append(name)
         if name in self.broken:
             raise self.broken.pop(name)
+
+    def has_estimated(self, number: int) -> bool:
+        return self.calls.count("estimate") >= number
 
     def warm_up(self) -> None:
         self.step("warm_up")
@@ -77,6 +83,7 @@ class Stages:
         return room(frame, self.status)
 
     def publish(self, frame: RgbdFrame, estimate: RoomEstimate) -> None:
+        self.door.wait(5.0)
         self.step("publish")
         self.published.append(frame.stamp_ns)
 
@@ -131,7 +138,8 @@ def test_a_pair_is_published_with_its_latency(session: EstimatorSession, stages:
     assert (health.made, health.published, stages.published) == (1, 1, [T0])
     assert 0.0 <= health.latency_p50_ms < 5000.0
     assert health.age_p50_ms == 50.0
-    assert health.stages_ms == {"axes": 2.0}
+    assert health.stages_ms["axes"] == 2.0
+    assert set(health.stages_ms) == {"axes", "decode", "outputs"}
 
 
 def test_f03_without_a_camera_every_pair_is_dropped_for_that_reason(session: EstimatorSession, stages: Stages) -> None:
@@ -268,12 +276,11 @@ def test_an_error_ends_the_prior(session: EstimatorSession, stages: Stages) -> N
     session.add_camera(CAMERA_STREAM, 0, "camera")
     send(session, 0)
     settled(session)
-    stages.broken["publish"] = RuntimeError("boom")
-    send(session, 1)
-    settled(session)
-    send(session, 2)
-    settled(session)
-    assert [prior is not None for prior in stages.priors] == [False, True, False]
+    stages.broken["estimate"] = RuntimeError("boom")
+    for i in (1, 2, 3):
+        send(session, i)
+        settled(session)
+    assert [prior is not None for prior in stages.priors] == [False, False, True]
 
 
 def test_reset_drops_what_waits_and_keeps_the_camera(session: EstimatorSession, stages: Stages) -> None:
@@ -308,7 +315,22 @@ def test_close_waits_for_the_frame_in_hand_and_drops_the_next(stages: Stages) ->
     assert session.close(5.0)
     send(session, 2)
     assert settled(session).dropped == {"shutdown": 2}
-    assert not any(t.name == "estimator-worker" and t.is_alive() for t in threading.enumerate())
+    assert not any(t.name.startswith("estimator-") and t.is_alive() for t in threading.enumerate())
+
+
+def test_a_frame_goes_out_while_the_next_is_worked_on(session: EstimatorSession, stages: Stages) -> None:
+    session.add_camera(CAMERA_STREAM, 0, "camera")
+    stages.door.clear()
+    for i in range(5):
+        send(session, i)
+        wait_for(partial(stages.has_estimated, min(i + 1, 3)))
+    # one is at the door, one waits behind it, one is worked out and waits for that, the last is still a pair
+    assert stages.calls.count("estimate") == 3
+    assert session.health().in_flight == 4
+    stages.door.set()
+    health = settled(session)
+    assert stages.published == sorted(stages.published)
+    assert (health.published, health.dropped) == (4, {"newer frame": 1})
 
 
 def test_f41_messages_from_many_threads_are_all_accounted_for(session: EstimatorSession) -> None:

@@ -12,13 +12,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from room_layout_ros.core.estimate import RoomEstimate, Status
+from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 
 from .camera_history import CameraHistory
 from .health import Health, PairCount, Rate, stream_snapshot
 from .live_loop import LiveLoop
+from .outbox import Outbox
 from .pairing import COLOR, DEPTH, Pair, PairingRules, StreamCount, StreamPairing
 
 CAMERA, DEPTH_CAMERA = "camera_info", "depth_camera_info"
@@ -35,7 +36,7 @@ class RefusedError(ValueError):
 
 
 class Stages(Protocol):
-    """What the session calls, in this order, from its worker thread. One call of each per frame."""
+    """What the session calls, in this order, from its threads. One call of each per frame."""
 
     def assemble(self, pair: Pair[Any], cameras: Mapping[str, Any]) -> RgbdFrame:
         """Decode a pair with the cameras of its time (None where none has come).
@@ -81,8 +82,18 @@ class _Job:
     epoch: int
 
 
+@dataclass(frozen=True, slots=True)
+class _Result:
+    job: _Job
+    frame: RgbdFrame
+    estimate: RoomEstimate
+    decode_ms: float
+
+
 class EstimatorSession:
-    """Takes messages from any thread, works in one of its own.
+    """Takes messages from any thread; estimates in a thread of its own, publishes in another.
+
+    So a frame is on its way out while the next is worked on. With two cores the rate is that of the estimate alone.
 
     Parameters
     ----------
@@ -109,6 +120,7 @@ class EstimatorSession:
         self._prior: TemporalPrior | None = None
         self._prior_epoch = 0
         self._origin: tuple[object, str] | None = None
+        self._outbox: Outbox[_Result] = Outbox(self._send)
         self._loop: LiveLoop[_Job] = LiveLoop(self._warm_up, self._work, self._dropped)
 
     @property
@@ -185,8 +197,9 @@ class EstimatorSession:
             return self._pairs.snapshot(streams, now)
 
     def close(self, timeout_s: float = 1.0) -> bool:
-        """End the worker; False if it is still busy after `timeout_s`."""
-        return self._loop.close(timeout_s)
+        """End both threads; False if one is still busy after `timeout_s`."""
+        end = time.monotonic() + timeout_s
+        return self._loop.close(timeout_s) and self._outbox.close(max(0.0, end - time.monotonic()))
 
     def _restart(self) -> None:
         self._epoch += 1
@@ -209,18 +222,19 @@ class EstimatorSession:
             self._stages.complain("warm-up", f"warm-up failed ({type(error).__name__}: {error}); expect a slow start")
 
     def _work(self, job: _Job) -> None:
-        """Bring one pair to its end, whatever happens: this is the guarded edge of the worker thread."""
+        """Estimate one pair, whatever happens: this is the guarded edge of the worker thread."""
         try:
-            frame, estimate = self._process(job)
+            result = self._process(job)
         except RefusedError as refused:
             self._dropped(job, refused.reason, str(refused))
         except Exception as error:  # noqa: BLE001
             self._prior = None
-            self._dropped(job, "error", f"{type(error).__name__} in the estimator: {error}; this frame is lost")
+            self._lose(job, error)
         else:
-            self._finish(job, frame, estimate)
+            self._outbox.put(result)
 
-    def _process(self, job: _Job) -> tuple[RgbdFrame, RoomEstimate]:
+    def _process(self, job: _Job) -> _Result:
+        start = self._clock()
         with self._lock:
             cameras = {s: history.at(job.pair.stamp_ns) for s, history in self._cameras.items()}
             rules = self._rules
@@ -231,12 +245,26 @@ class EstimatorSession:
         except ValueError as error:
             raise RefusedError("bad pair", str(error)) from error
         self._follow_origin(frame)
+        decoded = self._clock()
         warm = self._prior if rules.warm_start and self._prior_epoch == job.epoch else None
         estimate = self._stages.estimate(frame, _with_gravity(warm, self._stages.gravity(frame)))
         self._prior, self._prior_epoch = next_prior(estimate), job.epoch
-        if estimate.cuboid is not None:
-            self._stages.publish(frame, estimate)
-        return frame, estimate
+        return _Result(job, frame, estimate, (decoded - start) * 1e-6)
+
+    def _send(self, result: _Result) -> None:
+        """Publish one result, whatever happens: this is the guarded edge of the thread of the outputs."""
+        start = self._clock()
+        try:
+            if result.estimate.cuboid is not None:
+                self._stages.publish(result.frame, result.estimate)
+        except Exception as error:  # noqa: BLE001
+            self._lose(result.job, error)
+        else:
+            own_ms = {"decode": result.decode_ms, "outputs": (self._clock() - start) * 1e-6}
+            self._finish(result, {**result.estimate.timings_ms, **own_ms})
+
+    def _lose(self, job: _Job, error: Exception) -> None:
+        self._dropped(job, "error", f"{type(error).__name__} in the estimator: {error}; this frame is lost")
 
     def _follow_origin(self, frame: RgbdFrame) -> None:
         """Another camera or frame id is another scene: what was known of the old one does not hold."""
@@ -250,8 +278,9 @@ class EstimatorSession:
             names = f"from {before[1][:40]!r} to {frame.frame_id[:40]!r}"
             self._stages.complain("frame_id", f"frame_id changed {names}; starting afresh")
 
-    def _finish(self, job: _Job, frame: RgbdFrame, estimate: RoomEstimate) -> None:
-        age_ms = (self._stages.now_ns() - frame.stamp_ns) * 1e-6
+    def _finish(self, result: _Result, stages_ms: Mapping[str, float]) -> None:
+        estimate = result.estimate
+        age_ms = (self._stages.now_ns() - result.frame.stamp_ns) * 1e-6
         with self._lock:
             now, pairs = self._clock(), self._pairs
             if estimate.cuboid is not None:
@@ -259,11 +288,9 @@ class EstimatorSession:
                 pairs.rate.tick(now)
             else:
                 pairs.no_estimate[estimate.status.value] += 1
-                if estimate.status is Status.OK:
-                    pairs.last_drop = "estimate has status ok but no room"
-            pairs.latencies_ms.append((now - job.arrival_ns) * 1e-6)
+            pairs.latencies_ms.append((now - result.job.arrival_ns) * 1e-6)
             pairs.ages_ms.append(age_ms)
-            pairs.stages_ms.append(estimate.timings_ms)
+            pairs.stages_ms.append(stages_ms)
 
 
 def _with_gravity(prior: TemporalPrior | None, gravity: NDArray[np.float64] | None) -> TemporalPrior | None:
