@@ -124,7 +124,7 @@ class EstimatorConfig:
         3.5, "a pixel is an obstacle above this many standard deviations of the floor's height", "", 1.0, 10.0
     )
     obstacle_min_area: float = _p(
-        0.15, "visible surface of a thing that makes it an obstacle, as a share of a square of the cell's side", "", 0.0, 1.0
+        0.15, "visible surface that makes a thing an obstacle, as a share of a cell's square", "", 0.0, 1.0
     )
     obstacle_margin_m: float = _p(0.10, "cells this near before an obstacle are not called free", "m", 0.0, 1.0)
     free_min_seen: float = _p(0.4, "share of a cell's floor that must be seen to call it free", "", 0.05, 1.0)
@@ -134,6 +134,8 @@ class EstimatorConfig:
     # things as boxes
     object_min_share: float = _p(0.003, "share of the image that a thing must cover to become a box", "", 0.0001, 1.0)
     object_max_count: int = _p(20, "boxes per frame at most, the largest in the image", "", 1, 200)
+
+    object_min_pixels: int = _p(400, "a patch of clutter with fewer pixels is no object", "px", 1, 100000)
 
     def __post_init__(self) -> None:
         for parameter in parameters(type(self)):

@@ -1,8 +1,8 @@
 """What the pixels say about each cell of the floor: floor seen, things standing there, holes.
 
 One pass over the image. A pixel's height over the floor is h = d - n . P, its standard deviation that of the floor
-pixels at its depth. Floor pixels count where their ray meets the floor (free of the noise of their depth), with the area
-they cover there, Z^3 / (d fx fy); things count where they are, with the area they would cover facing the camera,
+pixels at its depth. Floor pixels count where their ray meets the floor (free of the noise of their depth), with the
+area they cover there, Z^3 / (d fx fy); things count where they are, with the area they would cover facing the camera,
 Z^2 / (fx fy); a pixel below the floor counts as a hole where its ray goes through the floor.
 """
 
@@ -25,6 +25,9 @@ _ON_WALL_M = 0.02
 _ON_WALL_SIGMAS = 3.0
 _NEXT_TO_M = 0.02
 _FAR_M = 3.0
+_NEAR_GAIN = 1.5
+_PER_METRE, _STEPS = 50.0, 700
+_RIPPLE_ROWS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +89,8 @@ def sum_floor_cells(
     origin = (0.0, -0.5 * rows * size)
     c = geometry.camera
     seen, total, floor, things, surface, touched, nearest, hole, kind, cell = _sum_cells(
-        geometry.inverse_depth, (c.fx, c.fy, c.cx, c.cy), T_camera_floor, fit.distance_m, fit.sigma_m, fit.offset_m, walls,
+        geometry.inverse_depth, (c.fx, c.fy, c.cx, c.cy), T_camera_floor,
+        (fit.distance_m, fit.sigma_m, fit.offset_m), walls,
         (origin[0], origin[1], size), (rows, cols),
         (config.obstacle_min_height_m, config.obstacle_noise_factor, config.robot_height_m),
     )  # fmt: skip
@@ -104,8 +108,15 @@ def band_sigma(sigma, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _sum_cells(inverse, intrinsics, T, distance, sigma, offset, walls, corner, shape, limits):  # type: ignore[no-untyped-def]
+def _touching(place, reach):  # type: ignore[no-untyped-def]
+    """First and last cell that a point reaches into."""
+    return int(np.floor(place - reach)), int(np.floor(place + reach))
+
+
+@njit(cache=True, nogil=True)
+def _sum_cells(inverse, intrinsics, T, fit, walls, corner, shape, limits):  # type: ignore[no-untyped-def]
     fx, fy, cx, cy = intrinsics
+    distance, sigma, offset = fit
     x0, y0, size = corner
     rows, cols = shape
     lowest, factor, highest = limits
@@ -121,24 +132,36 @@ def _sum_cells(inverse, intrinsics, T, distance, sigma, offset, walls, corner, s
     kind = np.zeros((height, width), np.uint8)
     cell = np.full((height, width), -1, np.int32)
     per_pixel = 1.0 / (fx * fy * size * size)
+    per_metre = 1.0 / size
+    noise_at = np.empty(_STEPS)
+    threshold_at = np.empty(_STEPS)
+    for k in range(_STEPS):
+        z = (k + 0.5) / _PER_METRE
+        noise_at[k] = band_sigma(sigma, z)
+        # Near the camera a thing covers many more pixels than a ripple of the noise: a lower threshold does.
+        threshold_at[k] = max(lowest, (factor - min(max(_FAR_M - z, 0.0), _NEAR_GAIN)) * noise_at[k])
+    ripple = np.empty(width)
     for v in range(height):
         ry = (v - cy) / fy
+        # the ray in floor axes, from the camera at height `distance`
+        ax0, ax1 = T[1, 0] * ry + T[2, 0] - T[0, 0] * cx / fx, T[0, 0] / fx
+        ay0, ay1 = T[1, 1] * ry + T[2, 1] - T[0, 1] * cx / fx, T[0, 1] / fx
+        az0, az1 = T[1, 2] * ry + T[2, 2] - T[0, 2] * cx / fx, T[0, 2] / fx
+        if v % _RIPPLE_ROWS == 0:
+            for u in range(width):
+                ripple[u] = tile_offset(offset, u, v)
         for u in range(width):
             w = inverse[v, u]
             if w <= 0.0:
                 continue
-            rx = (u - cx) / fx
-            # the ray in floor axes, from the camera at height `distance`
-            ax = T[0, 0] * rx + T[1, 0] * ry + T[2, 0]
-            ay = T[0, 1] * rx + T[1, 1] * ry + T[2, 1]
-            az = T[0, 2] * rx + T[1, 2] * ry + T[2, 2]
+            az = az0 + az1 * u
             z = 1.0 / w
-            h = distance + az * z - tile_offset(offset, u, v)
+            h = distance + az * z - ripple[u]
             if h > highest:
                 continue
-            noise = band_sigma(sigma, z)
-            # Near the camera a thing covers many more pixels than a ripple of the noise: a lower threshold does.
-            threshold = max(lowest, (factor - min(max(_FAR_M - z, 0.0), 1.5)) * noise)
+            ax, ay = ax0 + ax1 * u, ay0 + ay1 * u
+            step = min(int(z * _PER_METRE), _STEPS - 1)
+            noise, threshold = noise_at[step], threshold_at[step]
             if h > threshold:
                 x, y = ax * z, ay * z
                 what = OBSTACLE_PIXEL
@@ -157,7 +180,7 @@ def _sum_cells(inverse, intrinsics, T, distance, sigma, offset, walls, corner, s
                 z = -distance / az
                 x, y = ax * z, ay * z
             kind[v, u] = what
-            i, j = int(np.floor((y - y0) / size)), int(np.floor((x - x0) / size))
+            i, j = int(np.floor((y - y0) * per_metre)), int(np.floor((x - x0) * per_metre))
             if i < 0 or j < 0 or i >= rows or j >= cols:
                 continue
             cell[v, u] = i * cols + j
@@ -170,10 +193,10 @@ def _sum_cells(inverse, intrinsics, T, distance, sigma, offset, walls, corner, s
             elif what == OBSTACLE_PIXEL:
                 surface[i, j] += per_pixel * z * z
                 things[i, j] += 1
-                for m in range(int(np.floor((y - _NEXT_TO_M - y0) / size)), int(np.floor((y + _NEXT_TO_M - y0) / size)) + 1):
-                    for n in range(
-                        int(np.floor((x - _NEXT_TO_M - x0) / size)), int(np.floor((x + _NEXT_TO_M - x0) / size)) + 1
-                    ):
+                first_i, last_i = _touching((y - y0) * per_metre, _NEXT_TO_M * per_metre)
+                first_j, last_j = _touching((x - x0) * per_metre, _NEXT_TO_M * per_metre)
+                for m in range(first_i, last_i + 1):
+                    for n in range(first_j, last_j + 1):
                         if 0 <= m < rows and 0 <= n < cols:
                             touched[m, n] += per_pixel * z * z
                 nearest[i, j] = min(nearest[i, j], np.sqrt(x * x + y * y))

@@ -46,7 +46,7 @@ def walls_on_floor(cuboid: RoomCuboid | None, T_camera_floor: NDArray[np.float64
 
 
 def room_outline(walls: NDArray[np.float64], box: tuple[float, float, float, float]) -> NDArray[np.float64]:
-    """Return the room on the floor: (n, 2) float64 corners, counter-clockwise, clipped to x0, y0, x1, y1; maybe empty."""
+    """Return the room on the floor: (n, 2) float64 corners, counter-clockwise, clipped to x0, y0, x1, y1."""
     x0, y0, x1, y1 = box
     corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
     for a, b, c, _ in walls:

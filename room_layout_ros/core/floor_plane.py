@@ -28,10 +28,12 @@ TILE_PX = 64
 
 _BANDS = 24
 _STRIDE = 2
-_HALF_WIDTHS_M = (0.10, 0.05, 0.03, 0.03)
+_PASSES_M = ((0.10, 4), (0.05, 4), (0.03, 4), (0.03, 2))
+"""Half width of the band around the plane and pixel step of each pass."""
+
 _MIN_SIGMA_M = 0.002
-_MIN_BAND_PIXELS = 60
-_MIN_TILE_PIXELS = 100
+_MIN_BAND_PIXELS = 40
+_MIN_TILE_PIXELS = 40
 _HISTOGRAM_M = 0.001
 _HISTOGRAM_BINS = 120
 _MAD_TO_SIGMA = 1.4826
@@ -118,10 +120,11 @@ def fit_floor(
     plane = start.normal / start.distance_m
     camera = geometry.camera
     intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
-    least = max(int(config.floor_min_share * geometry.inverse_depth.size / _STRIDE**2), 30)
+    least = max(int(config.floor_min_share * geometry.inverse_depth.size), 500)
     pixels = 0
-    for half_width in _HALF_WIDTHS_M:
-        sums, pixels = _floor_sums(geometry.inverse_depth, maybe, *intrinsics, plane, half_width, _STRIDE)
+    for half_width, step in _PASSES_M:
+        sums, count = _floor_sums(geometry.inverse_depth, maybe, *intrinsics, plane, half_width, step)
+        pixels = int(count) * step * step
         if pixels < least:
             return None if prior is None or np.isnan(prior.distance_m) else _as_given(prior, camera)
         plane = np.linalg.solve(sums[:, :3], sums[:, 3])
@@ -130,7 +133,7 @@ def fit_floor(
     sigma = _sigma_bands(_heights(geometry.inverse_depth, maybe, *intrinsics, plane, flat, _STRIDE), 1.0 / length)
     offset = _offsets(geometry.inverse_depth, maybe, *intrinsics, plane, sigma, _STRIDE)
     sigma = _sigma_bands(_heights(geometry.inverse_depth, maybe, *intrinsics, plane, offset, _STRIDE), 1.0 / length)
-    return FloorFit(plane / length, 1.0 / length, sigma, offset, int(pixels) * _STRIDE**2, f"{start.source}+depth")
+    return FloorFit(plane / length, 1.0 / length, sigma, offset, pixels, f"{start.source}+depth")
 
 
 def _from_cuboid(estimate: RoomEstimate) -> FloorPlane | None:
@@ -232,7 +235,7 @@ def tile_offset(offset, u, v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _heights(inverse, maybe, fx, fy, cx, cy, plane, offset, stride):  # type: ignore[no-untyped-def]
-    """Count |height| of floor pixels at or below the floor in mm bins, per distance band: things only stand above it."""
+    """Count |height| of pixels at or below the floor in mm bins, per distance band: things only stand above it."""
     counts = np.zeros((_BANDS, _HISTOGRAM_BINS), np.int64)
     d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
     height, width = inverse.shape

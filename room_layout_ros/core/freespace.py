@@ -20,12 +20,14 @@ from .floor_cells import FLOOR_PIXEL, OBSTACLE_PIXEL, FloorCells, sum_floor_cell
 from .floor_frame import floor_frame, room_outline, walls_on_floor
 from .floor_plane import FloorPlane, fit_floor
 from .scan import RangeScan, cast_scan
+from .wall_lines import refine_walls
 
 UNKNOWN_CELL, FREE_CELL, OCCUPIED_CELL = -1, 0, 100
 
 _MIN_PIXELS = 3
 _MIN_HOLE = 0.3
 _RANGE_BAND_M = 0.5
+_MIN_BAND_CELLS = 10
 _LOW_SHARE = 0.6
 _LOW_SIGMAS = 4.0
 _DOUBT_SIGMAS = 2.5
@@ -90,6 +92,7 @@ def compute_free_space(
         return None
     T_camera_floor = floor_frame(fit.normal, fit.distance_m)
     walls = walls_on_floor(estimate.cuboid if estimate.metric else None, T_camera_floor)
+    walls = refine_walls(geometry, estimate, T_camera_floor, walls)
     barriers = walls[:0] if config.free_beyond_walls else walls
     cells = sum_floor_cells(geometry, fit, T_camera_floor, barriers, config)
     thing = _occupied(cells, config)
@@ -139,16 +142,18 @@ def _tails(cells: FloorCells) -> NDArray[np.bool_]:
 
 def _raised(cells: FloorCells, config: EstimatorConfig, sigmas: float, share: float) -> NDArray[np.bool_]:
     """Cells whose floor pixels lie higher on average than cells at that distance do."""
-    x, y = cells.centres()
-    band = (np.hypot(x, y) / _RANGE_BAND_M).astype(int)
-    sigma = np.full(int(band.max()) + 1, np.inf)
     known = cells.floor_pixels >= _MIN_PIXELS
-    for k in np.unique(band[known]):
-        heights = np.abs(cells.height_m[known & (band == k)])
-        if len(heights) >= 10:
-            sigma[k] = 1.4826 * float(np.median(heights))
-    limit = np.maximum(share * config.obstacle_min_height_m, sigmas * sigma[band])
-    return known & (cells.height_m > limit)
+    x, y = cells.centres()
+    band = (np.hypot(x[known], y[known]) / _RANGE_BAND_M).astype(int)
+    height = cells.height_m[known]
+    sigma = np.full(int(band.max(initial=0)) + 1, np.inf)
+    for k in range(len(sigma)):
+        here = np.abs(height[band == k])
+        if len(here) >= _MIN_BAND_CELLS:
+            sigma[k] = 1.4826 * float(np.median(here))
+    result = np.zeros(known.shape, bool)
+    result[known] = height > np.maximum(share * config.obstacle_min_height_m, sigmas * sigma[band])
+    return result
 
 
 def _decide(
@@ -160,7 +165,7 @@ def _decide(
 ) -> NDArray[np.int8]:
     doubtful = _raised(cells, config, _DOUBT_SIGMAS, 0.5)
     beside = cv2.dilate(thing.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    doubtful |= (cells.obstacle >= 0.5 * config.obstacle_min_area)
+    doubtful |= cells.obstacle >= 0.5 * config.obstacle_min_area
     doubtful |= beside & (cells.touched >= _TOUCH_SHARE * config.obstacle_min_area)
     free = (cells.seen >= config.free_min_seen) & ~doubtful
     x, y = cells.centres()
@@ -177,7 +182,8 @@ def _decide(
     reach = np.hypot(x, y) - 0.5 * cells.resolution_m
     nearest = np.where(np.isfinite(cells.nearest_m), cells.nearest_m, reach)
     nearest = np.where((thing | hole) & inside, nearest, np.inf).astype(np.float32)
-    _keep_away(grid, nearest, walls, *cells.origin_m, cells.resolution_m, config.obstacle_margin_m + 0.25 * cells.resolution_m)
+    margin = config.obstacle_margin_m + 0.25 * cells.resolution_m
+    _keep_away(grid, nearest, walls, *cells.origin_m, cells.resolution_m, margin)
     return grid
 
 

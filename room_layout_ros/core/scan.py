@@ -12,6 +12,7 @@ from .depth import DepthGeometry
 from .floor_cells import OBSTACLE_PIXEL, WALL_PIXEL, FloorCells
 
 _MIN_HITS = 3
+_STRIDE = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +63,9 @@ def _cast(inverse, intrinsics, T, kind, cell, grid, fan, corner):  # type: ignor
     nearest = np.full((beams, _MIN_HITS), np.inf)
     known = np.zeros(beams, np.bool_)
     height, width = inverse.shape
-    for v in range(height):
+    for v in range(0, height, _STRIDE):
         ry = (v - cy) / fy
-        for u in range(width):
+        for u in range(0, width, _STRIDE):
             what = kind[v, u]
             if what != OBSTACLE_PIXEL and what != WALL_PIXEL:
                 continue

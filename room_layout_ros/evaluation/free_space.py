@@ -8,12 +8,13 @@ where nothing stands in it and at least half of it is in sight. "In front of" is
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, FreeSpace
-from room_layout_ros.datasets.sample import FloorMap, Sample
+from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import SyntheticRoom, camera_pose, floor_map, random_scene
 from room_layout_ros.datasets.synthetic.floor import is_free
 from room_layout_ros.datasets.synthetic.shapes import Material, Solid
@@ -91,17 +92,16 @@ def true_free_space(
     if sample.T_world_camera is None or sample.truth is None or sample.truth.depth_m is None:
         raise ValueError(f"sample {sample.name} has no pose or no true depth; a rendered sample is needed")
     pose = sample.T_world_camera
-    extent = {"forward_m": (0.0, forward_m), "right_m": (-side_m, side_m)}
-    occupied = _ros_order(floor_map(room, pose, resolution_m, **extent), "cells") > 0
+    own = floor_map(room, pose, resolution_m, (0.0, forward_m), (-side_m, side_m))
+    occupied, own_height = _ros_order(own.cells) > 0, _ros_order(own.height_m)
     fine = floor_map(room, pose, _FINE_M, (0.0, forward_m + 0.2), (-side_m - 0.2, side_m + 0.2))
-    height = np.asarray(_ros_order(fine, "height_m"))
+    height = _ros_order(fine.height_m)
     rows, cols = occupied.shape
     x = (np.arange(cols) + 0.5)[None, :] * resolution_m + np.zeros((rows, 1))
     y = (np.arange(rows) + 0.5)[:, None] * resolution_m - side_m + np.zeros((1, cols))
     in_sight, measured = _sight(sample, pose, x, y, resolution_m)
-    own = _ros_order(floor_map(room, pose, resolution_m, **extent), "height_m")
     range_m = np.hypot(x, y)
-    obstacle = np.isfinite(own) & (own >= OBSTACLE_M) & (range_m >= CHECKED_M[0]) & (range_m <= CHECKED_M[1])
+    obstacle = np.isfinite(own_height) & (own_height >= OBSTACLE_M) & (range_m >= CHECKED_M[0]) & (range_m <= CHECKED_M[1])
     anything = np.zeros_like(obstacle)
     for s in np.linspace(0.0, MARGIN_M, _STEPS):
         px, py = x * (1 + s / range_m), y * (1 + s / range_m)
@@ -131,9 +131,9 @@ def score_free_space(truth: TrueFreeSpace, free_space: FreeSpace | None) -> Free
     )
 
 
-def _ros_order(truth: FloorMap, name: str) -> NDArray[np.float32]:
+def _ros_order(cells: NDArray[Any]) -> NDArray[Any]:
     """Turn (forward, right) into (left, forward), the order of OccupancyGrid."""
-    return np.ascontiguousarray(getattr(truth, name).T[::-1])
+    return np.ascontiguousarray(cells.T[::-1])
 
 
 def _sight(
@@ -149,9 +149,8 @@ def _sight(
     offsets = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5) * size
     for dx in offsets:
         for dy in offsets:
-            world = np.stack(
-                [pose[k, 3] + (x + dx) * forward[k] + (y + dy) * left[k] for k in range(2)] + [np.zeros_like(x)], axis=-1
-            )
+            on_floor = [pose[k, 3] + (x + dx) * forward[k] + (y + dy) * left[k] for k in range(2)]
+            world = np.stack([*on_floor, np.zeros_like(x)], axis=-1)
             point = (world - pose[:3, 3]) @ pose[:3, :3]
             z = np.maximum(point[..., 2], 1e-3)
             u = np.rint(point[..., 0] / z * camera.fx + camera.cx).astype(int)
@@ -196,7 +195,7 @@ def scene_with_small_things(
 
 
 def found_things(free_space: FreeSpace | None, places: NDArray[np.float64], reach_m: float = 0.06) -> int:
-    """Return how many places (n, 2) have an occupied cell whose centre is within `reach_m`, and no free cell on them."""
+    """Return how many places (n, 2) have an occupied cell whose centre is within `reach_m`, and are not free."""
     if free_space is None:
         return 0
     rows, cols = free_space.grid.shape
