@@ -27,7 +27,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from room_layout_ros.core.frame import CameraIntrinsics
-from room_layout_ros.core.integral_geometry import CellCounts, PairTables, accumulate, count_cells, pair_tables
+from room_layout_ros.core.accumulate import accumulate
+from room_layout_ros.core.cell_counts import CellCounts, count_cells
+from room_layout_ros.core.integral_geometry import PairTables, pair_tables
 from room_layout_ros.core.ray_grid import QUADRANT_HORIZONTAL, QUADRANT_VERTICAL, RayGrid, compute_ray_grid
 
 CAMERA = CameraIntrinsics(640, 480, 519.0, 519.0, 319.5, 239.5)

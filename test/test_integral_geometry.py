@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from room_layout_ros.core.frame import CameraIntrinsics
-from room_layout_ros.core.integral_geometry import accumulate, count_cells, face_counts, lattice_shear, pair_tables
+from room_layout_ros.core.accumulate import accumulate
+from room_layout_ros.core.cell_counts import count_cells, lattice_shear
+from room_layout_ros.core.integral_geometry import face_counts, pair_tables
 from room_layout_ros.core.layout_search import Layout, layout_energy
 from room_layout_ros.core.ray_grid import RayGrid, compute_ray_grid
 

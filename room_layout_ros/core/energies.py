@@ -14,8 +14,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from .cell_counts import CellCounts
 from .depth_profiles import DepthProfiles, curve_positions, read_curve
-from .integral_geometry import CellCounts, PairTables, face_counts, pair_tables
+from .integral_geometry import PairTables, face_counts, pair_tables
 from .labelling import LabelProblem
 from .labels import FRONT_WALL, N_FACES, N_LABELS
 from .layout_search import Layout

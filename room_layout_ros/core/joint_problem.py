@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .cell_counts import count_cells, keep_atoms
 from .config import EstimatorConfig
 from .depth import DepthGeometry
 from .depth_layout import gather_evidence
 from .depth_profiles import DepthProfiles, compute_depth_profiles
 from .energies import ExtraCosts, JointProblem
 from .frame import CameraIntrinsics
-from .integral_geometry import count_cells, keep_atoms
 from .labels import N_FACES, N_LABELS
 from .plane_fit import compute_plane_fit
 from .ray_grid import compute_ray_grid
