@@ -21,6 +21,7 @@ COMMANDS = {
     "render": "render a synthetic walk with exact truth",
     "fit": "fit layouts to labelled frames",
     "train": "learn the weights of the model",
+    "calibrate": "calibrate the confidences on frames with known layouts",
     "evaluate": "measure against ground truth",
     "bench": "measure the speed",
     "dashboard": "a page that shows a live node or a bag",

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .confidence import ConfidenceModel, Signs, state_confidence
 from .depth import DepthGeometry
 from .estimate import RoomEstimate, Status
 from .frame import RgbdFrame
@@ -14,6 +16,7 @@ from .joint import JointEstimate
 from .labels import CLUTTER, N_FACES
 from .layout import RoomCuboid
 from .manhattan import ManhattanFrame
+from .room_balance import balance_faces
 from .room_fit import FittedRoom, refine_room, room_cells, search_room
 from .superpixels import Superpixels
 from .wall_naming import name_walls
@@ -21,30 +24,50 @@ from .wall_naming import name_walls
 _LEAST_FACE_PX = 30
 
 
+@dataclass(frozen=True, slots=True)
+class RefinedRoom:
+    """The final cuboid and what speaks for and against it.
+
+    Attributes
+    ----------
+    cost : mean cost per cell of the fit (`room_fit`), 0 without depth.
+    balance : (5, 3) support, violation and area per face (`room_balance`), 0 without depth.
+    measured : share of pixels with depth. certainty : mean of the largest probability of the context.
+    """
+
+    cuboid: RoomCuboid
+    cost: float
+    balance: NDArray[np.float64]
+    measured: float
+    certainty: float
+
+
 def refine_cuboid(
     cuboid: RoomCuboid,
     geometry: DepthGeometry | None,
     superpixels: Superpixels,
     context: NDArray[np.float64],
-) -> RoomCuboid:
+) -> RefinedRoom:
     """Turn the axes and move the planes of the discrete optimum to the best continuous cuboid; needs depth.
 
-    The refinement starts from the joint solution and from the best cuboid over candidate offsets (`room_fit`), and keeps
-    the better one.
+    The refinement starts from the joint solution and from the best cuboid over candidate offsets (`room_fit`), and
+    keeps the better one.
 
     Parameters
     ----------
     cuboid : RoomCuboid
     geometry : DepthGeometry or None
-        Without depth the cuboid is returned as it is.
+        Without depth the cuboid stays as it is.
     context : (K, 6) float64 label probabilities.
     """
+    certainty = float(np.average(context.max(axis=1), weights=superpixels.pixels))
     if geometry is None:
-        return cuboid
+        return RefinedRoom(cuboid, 0.0, np.zeros((N_FACES, 3)), 0.0, certainty)
     cells = room_cells(geometry, context, superpixels.index)
     starts = (FittedRoom(cuboid.R_room_camera, cuboid.distances, np.inf), search_room(cells, cuboid.R_room_camera))
     room = min((refine_room(cells, start) for start in starts), key=lambda room: room.cost)
-    return RoomCuboid(room.R_room_camera, room.distances)
+    balance = balance_faces(cells, room.R_room_camera, room.distances)
+    return RefinedRoom(RoomCuboid(room.R_room_camera, room.distances), room.cost, balance, geometry.measured, certainty)
 
 
 def faces_in_view(layout: NDArray[np.uint8]) -> NDArray[np.bool_]:
@@ -57,7 +80,8 @@ def conclude(
     axes: ManhattanFrame,
     superpixels: Superpixels,
     joint: JointEstimate,
-    cuboid: RoomCuboid,
+    room: RefinedRoom,
+    model: ConfidenceModel,
     timings_ms: Mapping[str, float],
 ) -> RoomEstimate:
     """Put the estimate together.
@@ -65,11 +89,11 @@ def conclude(
     A pixel of a superpixel that is structure has the face of the layout there (a superpixel may lie across an edge
     of the room); all pixels of a clutter superpixel are clutter.
     """
-    cuboid, origin = name_walls(cuboid, faces_in_view(cuboid.raster(frame.camera)))
+    cuboid, origin = name_walls(room.cuboid, faces_in_view(room.cuboid.raster(frame.camera)))
     layout = cuboid.raster(frame.camera)
     clutter = joint.labels == CLUTTER
-    seen = faces_in_view(layout)
-    face_confidence = np.where(seen & (origin >= 0), joint.solution.face_confidence[origin], 0.0)
+    signs = gather_signs(axes, joint, room, origin)
+    confidence, face_confidence = state_confidence(signs, faces_in_view(layout), model)
     return RoomEstimate(
         status=Status.OK if joint.solution.finished else Status.DEADLINE,
         layout=layout,
@@ -78,7 +102,7 @@ def conclude(
         superpixels=superpixels.index,
         R_room_camera=cuboid.R_room_camera,
         axes_confidence=axes.confidence,
-        confidence=float(axes.confidence * face_confidence[seen].mean()) if seen.any() else 0.0,
+        confidence=confidence,
         face_confidence=face_confidence,
         cuboid=cuboid,
         polygons=cuboid.polygons(frame.camera),
@@ -89,4 +113,17 @@ def conclude(
         stamp_ns=frame.stamp_ns,
         frame_id=frame.frame_id,
         name=frame.name,
+        signs=signs,
     )
+
+
+def gather_signs(
+    axes: ManhattanFrame, joint: JointEstimate, room: RefinedRoom, origin: NDArray[np.intp]
+) -> Signs:
+    """Collect what the confidences are computed from; `origin` is each face's index before the walls were named."""
+    belief = joint.solution.face_confidence
+    in_view = belief > 0
+    mean_belief = float(belief[in_view].mean()) if in_view.any() else 0.0
+    of_frame = np.array([room.cost, axes.confidence, room.certainty, mean_belief, room.measured])
+    of_faces = np.column_stack([room.balance, belief])
+    return Signs(of_frame, np.where((origin >= 0)[:, None], of_faces[origin], 0.0))

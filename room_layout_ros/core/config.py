@@ -44,7 +44,7 @@ class Parameter:
             high = math.inf if self.high is None else self.high
             if not low <= value <= high:
                 raise ValueError(f"{self.name} is {value}{self.unit and ' ' + self.unit}; allowed is {low} to {high}")
-        return value  # type: ignore[return-value]
+        return value
 
 
 def _p(
@@ -72,7 +72,9 @@ class EstimatorConfig:
 
     use_color: bool = _p(True, "use the colour image (false: depth-only operation)")
     use_depth: bool = _p(True, "use the depth image (false: the paper's RGB variant)")
-    method: str = _p("joint", "joint: the learned joint model; depth: the simple depth estimator (a baseline)", "", None, None, ("joint", "depth"))
+    method: str = _p(
+        "joint", "joint: the learned model; depth: the simple depth estimator (a baseline)", choices=("joint", "depth")
+    )
     axes_hypotheses: int = _p(2, "namings and triples of the axes that the joint energy chooses from", "", 1, 8)
     min_depth_m: float = _p(0.2, "nearer measurements are ignored", "m", 0.0, 5.0)
     max_depth_m: float = _p(12.0, "farther measurements are ignored", "m", 1.0, 100.0)
@@ -103,7 +105,7 @@ class EstimatorConfig:
     layout_angle_bins: int = _p(320, "bins of the corner angle in all four quadrants", "", 8, 4096)
     layout_pixel_step: int = _p(5, "one in so many pixels is counted in the faces; 1 is exact", "", 1, 16)
     layout_scales: int = _p(12, "candidate distances of the front wall", "", 4, 64)
-    layout_temperature: float = _p(0.01, "energy (share of the image) that halves belief in a ray by 1/e", "", 1e-6, 10.0)
+    layout_temperature: float = _p(0.01, "energy (share of the image) at which belief falls to 1/e", "", 1e-6, 10.0)
     joint_alternations: int = _p(5, "rounds of labels and layout at most (Alg. 1: M)", "", 1, 50)
     joint_starts: int = _p(2, "diverse layouts that the alternation starts from", "", 1, 20)
     joint_variant: str = _p(
@@ -131,9 +133,6 @@ class EstimatorConfig:
     free_beyond_walls: bool = _p(False, "floor seen beyond a wall of the room (open door) may be free")
     scan_beams: int = _p(160, "beams of the scan across the field of view", "", 8, 4000)
     cloud_step: int = _p(2, "one in so many pixels per row and column enters the obstacle and floor clouds", "", 1, 16)
-    # things as boxes
-    object_min_share: float = _p(0.003, "share of the image that a thing must cover to become a box", "", 0.0001, 1.0)
-    object_max_count: int = _p(20, "boxes per frame at most, the largest in the image", "", 1, 200)
 
     object_min_pixels: int = _p(400, "a patch of clutter with fewer pixels is no object", "px", 1, 100000)
 
@@ -145,4 +144,5 @@ class EstimatorConfig:
 def parameters(table: type = EstimatorConfig) -> Iterator[Parameter]:
     """Yield the rows of a settings table in their order."""
     for field in dataclasses.fields(table):
-        yield Parameter(name=field.name, default=field.default, **field.metadata)
+        default: Any = field.default
+        yield Parameter(name=field.name, default=default, **field.metadata)

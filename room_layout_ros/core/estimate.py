@@ -9,6 +9,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from .confidence import Signs
 from .frame import RgbdFrame
 from .labels import N_FACES
 from .layout import FacePolygon, RoomCuboid
@@ -41,6 +42,7 @@ class RoomEstimate:
     axes_confidence, confidence : 0..1. face_confidence : (5,) 0..1, 0 is "not observed".
     cuboid : the room, None without an estimate. polygons : visible faces.
     metric : False where the scale is unknown (no depth): then one unit is the distance of the front wall.
+    signs : what the confidences were computed from, for calibration; None where the method has none.
     energy, lower_bound : of the joint energy (NaN where the method has none).
     timings_ms : wall time per stage.
     """
@@ -63,6 +65,7 @@ class RoomEstimate:
     stamp_ns: int = 0
     frame_id: str = ""
     name: str = ""
+    signs: Signs | None = None
 
 
 def no_estimate(status: Status, frame: RgbdFrame, timings_ms: Mapping[str, float]) -> RoomEstimate:

@@ -83,5 +83,5 @@ class LayoutEstimator:
         cues, count = geometry is not None, config.axes_hypotheses
         evidence = run("evidence", gather_hypotheses, superpixels, axes, camera, context, orientation, cues, count)
         joint = run("joint", estimate_joint, camera, superpixels, evidence, geometry, models.joint, config, expired)
-        cuboid = run("refinement", refine_cuboid, joint.cuboid, geometry, superpixels, context)
-        return run("conclusion", conclude, frame, axes, superpixels, joint, cuboid, run.timings_ms)
+        room = run("refinement", refine_cuboid, joint.cuboid, geometry, superpixels, context)
+        return run("conclusion", conclude, frame, axes, superpixels, joint, room, models.confidence, run.timings_ms)

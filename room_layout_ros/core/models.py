@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from .confidence import ConfidenceModel, load_confidence
 from .evidence.geometric_context import ContextModel, load_context
 from .weights import ModelWeights, WeightsError, load_weights
 
 JOINT_FILE = {True: "joint_rgbd.npz", False: "joint_rgb.npz"}
 CONTEXT_FILE = {True: "context_rgbd.npz", False: "context_rgb.npz"}
-"""File per operation: with depth, without."""
+CONFIDENCE_FILE = {True: "confidence_rgbd.npz", False: "confidence_rgb.npz"}
+"""Files per operation: with depth, without."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,10 +24,12 @@ class Models:
     ----------
     joint : ModelWeights of the joint energy.
     context : ContextModel, the classifier of superpixels behind geometric context.
+    confidence : ConfidenceModel, from signs of a good estimate to probabilities.
     """
 
     joint: ModelWeights
     context: ContextModel
+    confidence: ConfidenceModel
 
 
 def load_models(with_depth: bool, folder: Path | None = None) -> Models:
@@ -56,4 +60,8 @@ def config_folder() -> Path:
 
 @cache
 def _load(with_depth: bool, folder: Path) -> Models:
-    return Models(load_weights(folder / JOINT_FILE[with_depth]), load_context(folder / CONTEXT_FILE[with_depth]))
+    return Models(
+        load_weights(folder / JOINT_FILE[with_depth]),
+        load_context(folder / CONTEXT_FILE[with_depth]),
+        load_confidence(folder / CONFIDENCE_FILE[with_depth]),
+    )

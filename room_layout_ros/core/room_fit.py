@@ -20,9 +20,9 @@ from .depth import CELL_PX, NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth
 from .layout import FACE_AXIS, FACE_SIGN
 
 _COSTS = np.array([1.5, 0.8, 0.12, 0.004, 0.10, 0.025, 0.7, 0.0])
-"""Wrong kind of face (also: no face), clutter beyond, clutter apart per metre (to 1 m), each face in use, tolerance in m and per
-metre, factor for wall beyond (windows, doors and mirrors show what is behind), wall of another name (depth decides better).
-Unit: a wall cell that is off its plane."""
+"""Wrong kind of face (also: no face), clutter beyond, clutter apart per metre (to 1 m), each face in use, tolerance in m
+and per metre, factor for wall beyond (windows, doors and mirrors show what is behind), wall of another name (depth
+decides better). Unit: a wall cell that is off its plane."""
 
 _COARSE = 7
 _REFINED_PARTS = 3
@@ -108,7 +108,7 @@ def search_room(cells: RoomCells, R: NDArray[np.float64]) -> FittedRoom:
 
 
 def refine_room(cells: RoomCells, room: FittedRoom) -> FittedRoom:
-    """Pattern search over three rotations and the finite distances, halving the steps, then least squares on the inliers."""
+    """Pattern search over rotations and finite distances, halving the steps, then least squares on the inliers."""
     R, distances, _ = _refine(
         cells.rays, cells.inverse_depth, cells.probability, room.R_room_camera, room.distances, _COSTS
     )

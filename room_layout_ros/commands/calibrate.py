@@ -1,0 +1,82 @@
+"""Calibrate the confidences of the estimates on frames with known layouts.
+
+FITS is a folder of `room-layout fit` (or any folder with layout/NAME.png). Writes confidence_rgbd.npz or
+confidence_rgb.npz (with --rgb-only) to --out; `config/` holds the shipped ones.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import sys
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from room_layout_ros.commands.evaluate import choose_frames
+from room_layout_ros.commands.progress import progress_bar
+from room_layout_ros.core.confidence import save_confidence
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.models import CONFIDENCE_FILE
+from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, FrameSource, Sample, open_source
+from room_layout_ros.evaluation.confidence_fit import LEAST_FRAMES, JudgedSigns, fit_confidence, judge_signs
+from room_layout_ros.learning.train_run import choose_names
+from room_layout_ros.parallel import map_ordered
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `calibrate`."""
+    parser.add_argument("input", type=Path, metavar="FOLDER", help="frames folder")
+    parser.add_argument("--fits", type=Path, required=True, metavar="FITS", help="folder with layout/NAME.png")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the coefficients")
+    parser.add_argument("--rgb-only", action="store_true", help="for operation without depth")
+    parser.add_argument("--hold-out", metavar="SUBSET", help="list of splits.json, file or names never to use")
+    parser.add_argument("--frames", type=int, metavar="N", help="use at most so many frames, evenly spread")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="local processes (default 1)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Estimate, compare, fit, write."""
+    source = open_source(arguments.input)
+    if not isinstance(source, FramesFolder):
+        raise DataError(f"{arguments.input} is no frames folder; calibrate needs one")
+    held_out = () if arguments.hold_out is None else _names(choose_frames(source, arguments.hold_out))
+    fitted = [n for n in source.names if (arguments.fits / "layout" / f"{n}.png").is_file()]
+    names = choose_names(fitted, held_out, arguments.frames)
+    if len(names) < LEAST_FRAMES:
+        raise DataError(f"{arguments.fits} has layouts for {len(names)} frames; at least {LEAST_FRAMES} are needed")
+    work = partial(_judge, arguments.fits, not arguments.rgb_only)
+    with progress_bar("calibrate", len(names)) as progress:
+        found = list(map_ordered(work, source.subset(tuple(names)), arguments.jobs, None, progress, None))
+    judged = [j for j in found if j is not None]
+    card = {
+        "date": datetime.datetime.now(datetime.timezone.utc).date().isoformat(),
+        "frames": len(judged),
+        "source": source.title,
+        "held out": arguments.hold_out or "",
+        "command": "room-layout calibrate " + " ".join(sys.argv[2:]),
+    }
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    path = arguments.out / CONFIDENCE_FILE[not arguments.rgb_only]
+    save_confidence(fit_confidence(judged, card), path)
+    print(f"{path} from {len(judged)} frames", file=sys.stderr)
+    return 0
+
+
+def _names(source: FrameSource) -> tuple[str, ...]:
+    return source.names if isinstance(source, FramesFolder) else ()
+
+
+def _judge(fits: Path, with_depth: bool, item: Sample | BadFrame) -> JudgedSigns | None:
+    if isinstance(item, BadFrame):
+        return None
+    layout = cv2.imread(str(fits / "layout" / f"{item.frame.name}.png"), cv2.IMREAD_UNCHANGED)
+    estimate = _estimator(with_depth).estimate(item.frame)
+    return None if layout is None else judge_signs(estimate, np.asarray(layout, np.uint8))
+
+
+def _estimator(with_depth: bool) -> LayoutEstimator:
+    return LayoutEstimator(EstimatorConfig(use_depth=with_depth))

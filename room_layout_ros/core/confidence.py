@@ -1,0 +1,98 @@
+"""How far to trust an estimate: the share of the layout's pixels expected right, and the IoU expected of each face.
+
+Logistic in a few signs of a good or bad estimate, fitted on frames with known layouts (`room-layout calibrate`), with
+and without depth apart. A face that is not in view, or that nothing speaks for, has confidence 0: not observed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .labels import N_FACES
+from .weights import WeightsError, read_arrays, write_arrays
+
+_KIND = "room_layout confidence"
+
+FRAME_SIGNS = ("fit cost", "axes", "certainty of the context", "belief of the rays", "share measured")
+FACE_SIGNS = ("support", "violation", "area", "belief of the rays", "frame")
+
+
+@dataclass(frozen=True, slots=True)
+class ConfidenceModel:
+    """Coefficients of the two logistic functions.
+
+    Attributes
+    ----------
+    frame : (len(FRAME_SIGNS) + 1,) float64, the constant last. face : (len(FACE_SIGNS) + 1,) float64 likewise.
+    card : what the fit says about itself; JSON values.
+    """
+
+    frame: NDArray[np.float64]
+    face: NDArray[np.float64]
+    card: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.frame.shape != (len(FRAME_SIGNS) + 1,) or self.face.shape != (len(FACE_SIGNS) + 1,):
+            raise ValueError(
+                f"confidence coefficients have shapes {self.frame.shape} and {self.face.shape}; "
+                f"({len(FRAME_SIGNS) + 1},) and ({len(FACE_SIGNS) + 1},) are needed"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Signs:
+    """What speaks for and against one estimate.
+
+    Attributes
+    ----------
+    frame : (len(FRAME_SIGNS),) float64.
+    face : (5, len(FACE_SIGNS) - 1) float64; the frame's confidence is added when the faces' are computed.
+    """
+
+    frame: NDArray[np.float64]
+    face: NDArray[np.float64]
+
+
+def state_confidence(
+    signs: Signs, seen: NDArray[np.bool_], model: ConfidenceModel
+) -> tuple[float, NDArray[np.float64]]:
+    """Return the confidence of the frame and of each face (5,), 0 for faces that are not `seen`."""
+    frame = float(logistic(signs.frame[None], model.frame)[0])
+    of_faces = logistic(face_rows(signs, frame), model.face)
+    return frame, np.where(seen, of_faces, 0.0)
+
+
+def face_rows(signs: Signs, frame_confidence: float) -> NDArray[np.float64]:
+    """(5, len(FACE_SIGNS)) float64: the faces' signs and the frame's confidence."""
+    return np.column_stack([signs.face, np.full(N_FACES, frame_confidence)])
+
+
+def logistic(rows: NDArray[np.float64], coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    """1 / (1 + exp(-(rows . w + constant)))."""
+    return np.asarray(1.0 / (1.0 + np.exp(-(rows @ coefficients[:-1] + coefficients[-1]))))
+
+
+def save_confidence(model: ConfidenceModel, path: Path) -> None:
+    """Write the coefficients."""
+    write_arrays(path, _KIND, {"frame": model.frame, "face": model.face}, model.card)
+
+
+def load_confidence(path: Path) -> ConfidenceModel:
+    """Read the coefficients.
+
+    Raises
+    ------
+    WeightsError
+        When the file is missing, damaged or of another kind; one sentence.
+    """
+    arrays, card = read_arrays(path, _KIND)
+    try:
+        return ConfidenceModel(arrays["frame"], arrays["face"], card)
+    except (KeyError, ValueError) as error:
+        raise WeightsError(f"{path} is no confidence model of this version: {error}") from error
