@@ -52,6 +52,8 @@ class FreeSpace:
     obstacles : (n, 3) float32 points of things (no walls, no ceiling), camera frame.
     floor : (m, 3) float32 points of free floor, camera frame.
     scan : RangeScan in the floor frame.
+    walls : (n, 4) float64 a, b, c and index of the face (2 left, 3 front, 4 right) of the walls in view, on the floor:
+        inside is a x + b y <= c, (a, b) of unit length.
     room_polygon_m : (k, 2) float64 the room on the floor, counter-clockwise, clipped to the grid; empty without a room.
     """
 
@@ -64,6 +66,7 @@ class FreeSpace:
     obstacles: NDArray[np.float32]
     floor: NDArray[np.float32]
     scan: RangeScan
+    walls: NDArray[np.float64]
     room_polygon_m: NDArray[np.float64]
 
 
@@ -109,6 +112,7 @@ def compute_free_space(
         obstacles=_cloud(geometry, cells, thing, OBSTACLE_PIXEL, config.cloud_step),
         floor=_cloud(geometry, cells, grid == FREE_CELL, FLOOR_PIXEL, config.cloud_step),
         scan=cast_scan(geometry, cells, grid, T_camera_floor, config.scan_beams),
+        walls=walls,
         room_polygon_m=room_outline(walls, box) if len(walls) else np.empty((0, 2)),
     )
 

@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, FreeSpace
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import SyntheticRoom, camera_pose, floor_map, random_scene
 from room_layout_ros.datasets.synthetic.floor import is_free
 from room_layout_ros.datasets.synthetic.shapes import Material, Solid
-
-from .geometry import grid_iou
 
 NEAR_M = 4.0
 """Free space is scored up to this distance from the camera's foot."""
@@ -65,18 +64,41 @@ class FreeSpaceScore:
 
     Attributes
     ----------
-    iou : of the free cells within `NEAR_M`, the margin in front of obstacles taken out of the truth too.
-    iou_plain : the same with no margin in the truth. iou_measured : as `iou`, cells without depth out of the truth.
+    pool, pool_plain, pool_measured : (2,) cells in the intersection and in the union of the free cells within `NEAR_M`:
+        with the margin in front of things taken out of the truth too; without; with, and cells without depth left out.
     false_free : cells called free that are occupied or out of the room. too_near : cells called free within
         `MARGIN_M` in front of an obstacle of `OBSTACLE_M` at `CHECKED_M`. free : cells called free.
     """
 
-    iou: float
-    iou_plain: float
-    iou_measured: float
+    pool: tuple[int, int]
+    pool_plain: tuple[int, int]
+    pool_measured: tuple[int, int]
     false_free: int
     too_near: int
     free: int
+
+    @property
+    def iou(self) -> float:
+        """Of this frame; NaN where nothing is free."""
+        return _ratio(self.pool)
+
+    @property
+    def iou_plain(self) -> float:
+        """Of this frame, no margin in the truth."""
+        return _ratio(self.pool_plain)
+
+    @property
+    def iou_measured(self) -> float:
+        """Of this frame, cells without depth left out."""
+        return _ratio(self.pool_measured)
+
+
+def _ratio(pool: tuple[int, int]) -> float:
+    return pool[0] / pool[1] if pool[1] else float("nan")
+
+
+def _pool(truth: NDArray[np.bool_], called: NDArray[np.bool_]) -> tuple[int, int]:
+    return int((truth & called).sum()), int((truth | called).sum())
 
 
 def true_free_space(
@@ -101,7 +123,9 @@ def true_free_space(
     y = (np.arange(rows) + 0.5)[:, None] * resolution_m - side_m + np.zeros((1, cols))
     in_sight, measured = _sight(sample, pose, x, y, resolution_m)
     range_m = np.hypot(x, y)
-    obstacle = np.isfinite(own_height) & (own_height >= OBSTACLE_M) & (range_m >= CHECKED_M[0]) & (range_m <= CHECKED_M[1])
+    obstacle = (
+        np.isfinite(own_height) & (own_height >= OBSTACLE_M) & (range_m >= CHECKED_M[0]) & (range_m <= CHECKED_M[1])
+    )
     anything = np.zeros_like(obstacle)
     for s in np.linspace(0.0, MARGIN_M, _STEPS):
         px, py = x * (1 + s / range_m), y * (1 + s / range_m)
@@ -122,9 +146,9 @@ def score_free_space(truth: TrueFreeSpace, free_space: FreeSpace | None) -> Free
     kept = plain & ~truth.near_anything
     measured = kept & (truth.measured >= 0.5)
     return FreeSpaceScore(
-        iou=grid_iou(kept, called & near),
-        iou_plain=grid_iou(plain, called & near),
-        iou_measured=grid_iou(measured, called & near & ((truth.measured >= 0.5) | ~kept)),
+        pool=_pool(kept, called & near),
+        pool_plain=_pool(plain, called & near),
+        pool_measured=_pool(measured, called & near & ((truth.measured >= 0.5) | ~kept)),
         false_free=int((called & truth.occupied & near).sum()),
         too_near=int((called & truth.near_obstacle).sum()),
         free=int((called & near).sum()),
@@ -207,3 +231,16 @@ def found_things(free_space: FreeSpace | None, places: NDArray[np.float64], reac
         own = free_space.grid[np.unravel_index(int(np.argmin(distance)), distance.shape)]
         found += bool((free_space.grid[distance <= reach_m] == OCCUPIED_CELL).any() and own != FREE_CELL)
     return found
+
+
+def floor_width(estimate: RoomEstimate, free_space: FreeSpace | None) -> float:
+    """Return the distance in m of left and right wall on the floor, NaN where the estimate has not both.
+
+    The two lines are parallel up to the lean of the cuboid against the floor: their distances to the foot add up.
+    """
+    if free_space is None or estimate.cuboid is None or not np.isfinite(estimate.cuboid.distances[[2, 4]]).all():
+        return float("nan")
+    walls = {int(row[3]): row for row in free_space.walls}
+    if 2 not in walls or 4 not in walls:
+        return float("nan")
+    return float(walls[2][2] + walls[4][2])
