@@ -5,36 +5,51 @@ from __future__ import annotations
 import colorsys
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from room_layout_ros.core.cuboids import ObjectCuboid
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.labels import CLUTTER, FURNITURE_NYU40
 
 from .encode_navigation import encode_pose
 from .encode_room import encode_color, new_marker
-from .messages import ColorRGBA, Marker, MarkerArray, Vector3
+from .messages import ColorRGBA, Marker, MarkerArray, Point, Vector3
 
 _ALPHA = 0.45
 _TEXT_HEIGHT_M = 0.14
 
 
-def encode_objects(objects: Sequence[ObjectCuboid], estimate: RoomEstimate, lifetime_s: float) -> MarkerArray:
-    """Return a box and a text with class and size for each thing, the largest in the image with number 0."""
+def encode_objects(
+    objects: Sequence[ObjectCuboid], T_camera_floor: NDArray[np.float64], estimate: RoomEstimate, lifetime_s: float
+) -> MarkerArray:
+    """Return a box and a text with class and size for each thing, the largest with number 0, in the camera's frame."""
     markers = []
     for number, thing in enumerate(objects):
+        size = thing.size_m
         box = new_marker(estimate, "objects", number, Marker.CUBE, lifetime_s)
-        box.pose = encode_pose(thing.T_camera_object, estimate.stamp_ns, estimate.frame_id).pose
-        box.scale = Vector3(x=float(thing.size_m[0]), y=float(thing.size_m[1]), z=float(thing.size_m[2]))
+        box.pose = encode_pose(T_camera_floor @ _pose(thing), estimate.stamp_ns, estimate.frame_id).pose
+        box.scale = Vector3(x=float(size[0]), y=float(size[1]), z=float(size[2]))
         box.color = _color(thing.nyu40)
-        name = FURNITURE_NYU40.get(thing.nyu40, "object")
         text = new_marker(estimate, "object names", number, Marker.TEXT_VIEW_FACING, lifetime_s)
-        above = thing.T_camera_object.copy()
-        above[:3, 3] += above[:3, 2] * (0.5 * thing.size_m[2] + _TEXT_HEIGHT_M)
-        text.pose.position = encode_pose(above, estimate.stamp_ns, estimate.frame_id).pose.position
+        above = thing.center_m + np.array([0.0, 0.0, 0.5 * size[2] + _TEXT_HEIGHT_M])
+        x, y, z = (T_camera_floor @ np.append(above, 1.0))[:3].tolist()
+        text.pose.position = Point(x=x, y=y, z=z)
         text.scale.z = _TEXT_HEIGHT_M
         text.color = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
-        text.text = f"{name} {' x '.join(f'{side:.2f}' for side in thing.size_m)} m"
+        name = FURNITURE_NYU40.get(thing.nyu40, "object")
+        text.text = f"{name} {' x '.join(f'{side:.2f}' for side in size)} m"
         markers += [box, text]
     return MarkerArray(markers=markers)
+
+
+def _pose(thing: ObjectCuboid) -> NDArray[np.float64]:
+    """Return (4, 4) pose of a box in the floor frame."""
+    c, s = np.cos(thing.yaw), np.sin(thing.yaw)
+    pose = np.eye(4)
+    pose[:2, :2] = [[c, -s], [s, c]]
+    pose[:3, 3] = thing.center_m
+    return pose
 
 
 def _color(nyu40: int) -> ColorRGBA:

@@ -58,10 +58,6 @@ def _markers(scene: Scene) -> Sequence[Any]:
     return [encode_markers(scene.estimate, scene.node.marker_lifetime)]
 
 
-def _objects(scene: Scene) -> Sequence[Any]:
-    return [encode_objects(scene.objects, scene.estimate, scene.node.marker_lifetime)]
-
-
 def _of_free_space(encode: Callable[[FreeSpace, Scene], Any]) -> Encode:
     def encode_if_seen(scene: Scene) -> Sequence[Any]:
         space = scene.free_space
@@ -90,6 +86,11 @@ def _scan(space: FreeSpace, scene: Scene) -> Any:
     scan, reach = space.scan, scene.estimator.max_depth_m
     stamp_ns, frame_id = scene.frame.stamp_ns, scene.floor_frame
     return encode_scan(scan.ranges_m, scan.angle_min, scan.angle_increment, reach, stamp_ns, frame_id)
+
+
+@_of_free_space
+def _objects(space: FreeSpace, scene: Scene) -> Any:
+    return encode_objects(scene.objects, space.T_camera_floor, scene.estimate, scene.node.marker_lifetime)
 
 
 @_of_free_space

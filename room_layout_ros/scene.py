@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from .core.config import EstimatorConfig
-from .core.cuboids import ObjectCuboid, find_objects
+from .core.cuboids import ObjectCuboid, compute_object_cuboids
 from .core.depth import DepthGeometry, compute_depth_geometry
 from .core.estimate import RoomEstimate
 from .core.floor_plane import FloorPlane
@@ -42,7 +42,7 @@ class Scene:
         """Things in the room; none without depth or floor."""
         if self.geometry is None or self.free_space is None:
             return ()
-        return find_objects(self.geometry, self.estimate, self.free_space.T_camera_floor, self.estimator)
+        return compute_object_cuboids(self.geometry, self.estimate, self.free_space, self.estimator)
 
     @property
     def floor_frame(self) -> str:

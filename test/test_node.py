@@ -460,7 +460,7 @@ def test_colour_only_does_without_depth() -> None:
 
 
 def test_f40_an_exception_in_a_callback_does_not_end_the_node(monkeypatch: pytest.MonkeyPatch) -> None:
-    import room_layout_ros.node as node_module
+    import room_layout_ros.shell as node_module
 
     with running() as bench:
         bench.connect()

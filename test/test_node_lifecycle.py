@@ -84,7 +84,7 @@ def test_f38_an_illegal_transition_is_refused_and_changes_nothing(bench: Bench) 
 def test_f38_a_failing_configure_is_logged_and_can_be_repeated(
     bench: Bench, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    import room_layout_ros.node as node_module
+    import room_layout_ros.shell as node_module
 
     def broken(*_: object) -> None:
         raise RuntimeError("no session today")

@@ -51,6 +51,7 @@ class Stages:
         self.status = Status.OK
         self.frame_id = "camera"
         self.down: NDArray[np.float64] | None = None
+        self.settings: list[Any] = []
         self.gate = threading.Event()
         self.gate.set()
         self.door = threading.Event()
@@ -67,22 +68,23 @@ class Stages:
     def warm_up(self) -> None:
         self.step("warm_up")
 
-    def assemble(self, pair: Pair[Any], cameras: Mapping[str, Any]) -> RgbdFrame:
+    def assemble(self, pair: Pair[Any], cameras: Mapping[str, Any], settings: Any) -> RgbdFrame:
         self.step("assemble")
         if cameras[CAMERA_STREAM] is None:
             raise RefusedError("no camera_info", "none has come")
         return RgbdFrame(CAMERA, FRAME.color, FRAME.depth_m, pair.stamp_ns, self.frame_id)
 
-    def gravity(self, frame: RgbdFrame) -> NDArray[np.float64] | None:
+    def gravity(self, frame: RgbdFrame, settings: Any) -> NDArray[np.float64] | None:
         return self.down
 
-    def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None) -> RoomEstimate:
+    def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None, settings: Any) -> RoomEstimate:
         self.gate.wait(5.0)
         self.step("estimate")
         self.priors.append(prior)
         return room(frame, self.status)
 
-    def publish(self, frame: RgbdFrame, estimate: RoomEstimate) -> None:
+    def publish(self, frame: RgbdFrame, estimate: RoomEstimate, settings: Any) -> None:
+        self.settings.append(settings)
         self.door.wait(5.0)
         self.step("publish")
         self.published.append(frame.stamp_ns)
@@ -295,6 +297,19 @@ def test_reset_drops_what_waits_and_keeps_the_camera(session: EstimatorSession, 
     assert settled(session).dropped == {"reset": 1}
     send(session, 2)
     assert settled(session).published == 2
+
+
+def test_f34_each_frame_uses_one_set_of_settings(session: EstimatorSession, stages: Stages) -> None:
+    session.add_camera(CAMERA_STREAM, 0, "camera")
+    session.configure(SessionRules(settings="old"))
+    stages.gate.clear()
+    send(session, 0)
+    wait_for(lambda: "assemble" in stages.calls)
+    session.configure(SessionRules(settings="new"))
+    send(session, 1)
+    stages.gate.set()
+    settled(session)
+    assert stages.settings == ["old", "new"]
 
 
 def test_lost_messages_are_counted_by_stream(session: EstimatorSession) -> None:

@@ -38,7 +38,7 @@ class RefusedError(ValueError):
 class Stages(Protocol):
     """What the session calls, in this order, from its threads. One call of each per frame."""
 
-    def assemble(self, pair: Pair[Any], cameras: Mapping[str, Any]) -> RgbdFrame:
+    def assemble(self, pair: Pair[Any], cameras: Mapping[str, Any], settings: Any) -> RgbdFrame:
         """Decode a pair with the cameras of its time (None where none has come).
 
         Raises RefusedError or ValueError when it is no frame.
@@ -48,15 +48,15 @@ class Stages(Protocol):
     def warm_up(self) -> None:
         """Compile and load everything; called once, before the first frame."""
 
-    def gravity(self, frame: RgbdFrame) -> NDArray[np.float64] | None:
+    def gravity(self, frame: RgbdFrame, settings: Any) -> NDArray[np.float64] | None:
         """Return the direction of gravity in the camera frame where it is known."""
         ...
 
-    def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None) -> RoomEstimate:
+    def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None, settings: Any) -> RoomEstimate:
         """Estimate the room."""
         ...
 
-    def publish(self, frame: RgbdFrame, estimate: RoomEstimate) -> None:
+    def publish(self, frame: RgbdFrame, estimate: RoomEstimate, settings: Any) -> None:
         """Send the results."""
 
     def complain(self, cause: str, sentence: str) -> None:
@@ -69,10 +69,16 @@ class Stages(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SessionRules:
-    """Settings of the session."""
+    """Settings of the session.
+
+    Attributes
+    ----------
+    settings : handed to each stage; a frame gets those that held when work on it began, at every stage.
+    """
 
     pairing: PairingRules = field(default_factory=PairingRules)
     warm_start: bool = True
+    settings: Any = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +93,7 @@ class _Result:
     job: _Job
     frame: RgbdFrame
     estimate: RoomEstimate
+    settings: Any
     decode_ms: float
 
 
@@ -239,7 +246,7 @@ class EstimatorSession:
             cameras = {s: history.at(job.pair.stamp_ns) for s, history in self._cameras.items()}
             rules = self._rules
         try:
-            frame = self._stages.assemble(job.pair, cameras)
+            frame = self._stages.assemble(job.pair, cameras, rules.settings)
         except RefusedError:
             raise
         except ValueError as error:
@@ -247,16 +254,17 @@ class EstimatorSession:
         self._follow_origin(frame)
         decoded = self._clock()
         warm = self._prior if rules.warm_start and self._prior_epoch == job.epoch else None
-        estimate = self._stages.estimate(frame, _with_gravity(warm, self._stages.gravity(frame)))
+        prior = _with_gravity(warm, self._stages.gravity(frame, rules.settings))
+        estimate = self._stages.estimate(frame, prior, rules.settings)
         self._prior, self._prior_epoch = next_prior(estimate), job.epoch
-        return _Result(job, frame, estimate, (decoded - start) * 1e-6)
+        return _Result(job, frame, estimate, rules.settings, (decoded - start) * 1e-6)
 
     def _send(self, result: _Result) -> None:
         """Publish one result, whatever happens: this is the guarded edge of the thread of the outputs."""
         start = self._clock()
         try:
             if result.estimate.cuboid is not None:
-                self._stages.publish(result.frame, result.estimate)
+                self._stages.publish(result.frame, result.estimate, result.settings)
         except Exception as error:  # noqa: BLE001
             self._lose(result.job, error)
         else:

@@ -1,0 +1,125 @@
+"""The inputs of the node as subscriptions: raw, guarded, with what the middleware says of losses and clashes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import QoSProfile, QoSReliabilityPolicy, qos_policy_name_from_kind
+from rclpy.qos_overriding_options import QoSOverridingOptions
+
+from msg_adapters import messages
+
+from .inputs import INPUT_TOPICS, transport_of
+from .runtime.diagnosis import InputFacts
+from .runtime.pairing import COLOR, DEPTH
+from .runtime.session import CAMERA, CAMERAS
+from .settings import Settings
+
+IMU_TOPIC = "imu"
+
+_DEPTH = 5
+
+
+class Subscriptions:
+    """Subscribes to what the settings need and drops it again.
+
+    Parameters
+    ----------
+    node : rclpy node
+    guard : callable
+        `guard(what, work, *arguments)` runs a callback and lets no exception out.
+    on_message : callable
+        `on_message(stream, serialized)`.
+    on_imu : callable
+        `on_imu(message)`.
+    on_lost : callable
+        `on_lost(stream, number)` of messages that the middleware lost.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        guard: Callable[..., None],
+        on_message: Callable[[str, bytes], None],
+        on_imu: Callable[[Any], None],
+        on_lost: Callable[[str, int], None],
+    ) -> None:
+        self._node, self._guard = node, guard
+        self._on_message, self._on_imu, self._on_lost = on_message, on_imu, on_lost
+        self._open: dict[str, Any] = {}
+        self._clashes: dict[str, str] = {}
+        self._since = 0.0
+
+    def __bool__(self) -> bool:
+        return bool(self._open)
+
+    @property
+    def listening_s(self) -> float:
+        """Time since the inputs were subscribed, 0 without."""
+        return time.monotonic() - self._since if self._open else 0.0
+
+    def open(self, settings: Settings) -> None:
+        """Subscribe to each stream that the settings need."""
+        for stream, wanted in settings.used().items():
+            if wanted:
+                self._subscribe(stream, settings)
+        if settings.node.pose_source == "imu":
+            callback = partial(self._guard, "callback of imu", self._on_imu)
+            self._open[IMU_TOPIC] = self._node.create_subscription(messages.Imu, IMU_TOPIC, callback, **_qos())
+        self._since = time.monotonic()
+        self._node.get_logger().info(f"listening to {', '.join(s.topic_name for s in self._open.values())}")
+
+    def close(self) -> None:
+        """Drop all subscriptions."""
+        for subscription in self._open.values():
+            self._node.destroy_subscription(subscription)
+        self._open, self._clashes = {}, {}
+
+    def facts(self, settings: Settings) -> dict[str, InputFacts]:
+        """Return what the graph says about each input, for the diagnosis."""
+        facts = {}
+        for stream, wanted in settings.used().items():
+            if wanted or stream in (COLOR, DEPTH, CAMERA):
+                topic = self._topic(stream, settings)
+                publishers = self._node.count_publishers(topic)
+                facts[stream] = InputFacts(topic, wanted, publishers, self._clashes.get(stream, ""))
+        return facts
+
+    def _topic(self, stream: str, settings: Settings) -> str:
+        """Return the resolved topic; image_transport puts the transport behind the remapped name."""
+        base: str = self._node.resolve_topic_name(INPUT_TOPICS[stream])
+        transport = transport_of(stream, settings.node)
+        return base if transport == "raw" else f"{base}/{transport}"
+
+    def _subscribe(self, stream: str, settings: Settings) -> None:
+        kind: type = messages.CameraInfo if stream in CAMERAS else messages.Image
+        if transport_of(stream, settings.node) != "raw":
+            kind = messages.CompressedImage
+        events = SubscriptionEventCallbacks(
+            message_lost=partial(self._lost, stream), incompatible_qos=partial(self._clash, stream)
+        )
+        callback = partial(self._guard, f"callback of {stream}", self._take, stream)
+        self._open[stream] = self._node.create_subscription(
+            kind, self._topic(stream, settings), callback, event_callbacks=events, raw=True, **_qos()
+        )
+
+    def _take(self, stream: str, serialized: bytes) -> None:
+        self._clashes.pop(stream, None)
+        self._on_message(stream, serialized)
+
+    def _lost(self, stream: str, info: Any) -> None:
+        self._on_lost(stream, info.total_count_change)
+
+    def _clash(self, stream: str, info: Any) -> None:
+        self._clashes[stream] = qos_policy_name_from_kind(info.last_policy_kind)
+
+
+def _qos() -> dict[str, Any]:
+    return {
+        "qos_profile": QoSProfile(depth=_DEPTH, reliability=QoSReliabilityPolicy.BEST_EFFORT),
+        "qos_overriding_options": QoSOverridingOptions.with_default_policies(),
+    }
