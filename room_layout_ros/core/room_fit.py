@@ -20,8 +20,8 @@ from .depth import CELL_PX, NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth
 from .layout import FACE_AXIS, FACE_SIGN
 
 _COSTS = np.array([1.5, 0.8, 0.12, 0.004, 0.10, 0.025, 0.7, 0.0])
-"""Wrong kind of face (also: no face), clutter beyond, clutter apart per metre (to 1 m), each face in use, tolerance in m
-and per metre, factor for wall beyond (windows, doors and mirrors show what is behind), wall of another name (depth
+"""Wrong kind of face (also: no face), clutter beyond, clutter apart per metre (to 1 m), each face in use, tolerance
+in m and per metre, factor for wall beyond (windows, doors and mirrors show what is behind), wall of another name (depth
 decides better). Unit: a wall cell that is off its plane."""
 
 _COARSE = 7
