@@ -35,6 +35,11 @@ _PATCH_SHARE = 0.2
 _TOUCH_SHARE = 0.1
 _TAIL_SHARE = 0.25
 _BEHIND_CELLS = 3
+_COLUMN_STEP_M, _COLUMN_STEPS = 0.1, 12
+_MIN_HIDDEN = 2
+_COVER_M = (0.08, 0.8)
+"""What stands this far before the space above a cell hides what may hang there (a seat behind its back, a table)."""
+
 _GAP = np.ones((5, 5), np.uint8)
 """A gap between things that this square of cells closes is not called free."""
 
@@ -100,6 +105,11 @@ def compute_free_space(
     cells = sum_floor_cells(geometry, fit, T_camera_floor, barriers, config)
     thing = _occupied(cells, config)
     grid = _decide(cells, thing, barriers, _half_view(geometry), config)
+    c = geometry.camera
+    _hide_covered(
+        grid, geometry.inverse_depth, (c.fx, c.fy, c.cx, c.cy), T_camera_floor, (*cells.origin_m, cells.resolution_m),
+        config.robot_height_m,
+    )  # fmt: skip
     size, (x0, y0) = cells.resolution_m, cells.origin_m
     box = (x0, y0, x0 + grid.shape[1] * size, y0 + grid.shape[0] * size)
     return FreeSpace(
@@ -249,4 +259,33 @@ def _keep_away(grid, nearest, walls, x0, y0, size, margin):  # type: ignore[no-u
                 if ahead >= walls[k, 2]:
                     near = True
             if near:
+                grid[i, j] = -1
+
+
+@njit(cache=True, nogil=True)
+def _hide_covered(grid, inverse, intrinsics, T, corner, robot_height):  # type: ignore[no-untyped-def]
+    """Free cells whose floor shows below a thing that hides the space above them become unknown (a chair's seat)."""
+    fx, fy, cx, cy = intrinsics
+    x0, y0, size = corner
+    height, width = inverse.shape
+    heights = min(int(robot_height / _COLUMN_STEP_M), _COLUMN_STEPS)
+    for i in range(grid.shape[0]):
+        for j in range(grid.shape[1]):
+            if grid[i, j] != 0:
+                continue
+            x, y = x0 + (j + 0.5) * size, y0 + (i + 0.5) * size
+            hidden = 0
+            for k in range(1, heights + 1):
+                h = k * _COLUMN_STEP_M
+                z = T[2, 0] * x + T[2, 1] * y + T[2, 2] * h + T[2, 3]
+                if z < 0.1:
+                    continue
+                u = int(np.rint((T[0, 0] * x + T[0, 1] * y + T[0, 2] * h + T[0, 3]) / z * fx + cx))
+                v = int(np.rint((T[1, 0] * x + T[1, 1] * y + T[1, 2] * h + T[1, 3]) / z * fy + cy))
+                if u < 0 or v < 0 or u >= width or v >= height or inverse[v, u] <= 0.0:
+                    continue
+                before = z - 1.0 / inverse[v, u]
+                if before > _COVER_M[0] and before < _COVER_M[1]:
+                    hidden += 1
+            if hidden >= _MIN_HIDDEN:
                 grid[i, j] = -1

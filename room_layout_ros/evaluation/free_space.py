@@ -32,6 +32,7 @@ OBSTACLE_M = 0.05
 
 _SAMPLES = 5
 _FINE_M = 0.01
+_FLAT_M = 0.02
 _STEPS = 11
 
 
@@ -181,8 +182,8 @@ def _sight(
             v = np.rint(point[..., 1] / z * camera.fy + camera.cy).astype(int)
             within = (point[..., 2] > 0.05) & (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
             u, v = np.clip(u, 0, camera.width - 1), np.clip(v, 0, camera.height - 1)
-            # A pixel covers Z / f of the floor across and Z^2 / (f h) along it.
-            slack = 0.01 + 0.5 * z * z / (camera.fy * pose[2, 3])
+            # A pixel covers Z^2 / (f h) of the floor along the ray; what is flat (a rug) is seen before it by Z flat / h.
+            slack = (0.5 * z / camera.fy + _FLAT_M) * z / pose[2, 3]
             there = within & (np.abs(true_depth[v, u] - z) < slack)
             seen += there
             if sensed is not None:
