@@ -18,16 +18,15 @@ from room_layout_ros.core.energies import (
     joint_features,
     label_problem,
     layout_tables,
-    plane_costs,
     reversed_relation,
     superpixel_faces,
     violations,
-    with_fit,
 )
 from room_layout_ros.core.integral_geometry import face_counts
 from room_layout_ros.core.joint import refine_cuboid, solve_joint
 from room_layout_ros.core.joint_problem import loss_costs
 from room_layout_ros.core.layout_search import Layout, RankedLayout, layout_energy
+from room_layout_ros.core.plane_costs import plane_costs, with_fit
 from room_layout_ros.core.weights import (
     BLOCKS,
     SLICES,

@@ -116,14 +116,18 @@ def read_curve(curve: NDArray[np.float64], absent: float, positions: NDArray[np.
 def _read_curve(curve, absent, positions):  # type: ignore[no-untyped-def]
     values = np.empty(len(positions))
     for i in range(len(positions)):
-        position = positions[i]
-        if not position == position:
-            values[i] = absent
-        else:
-            low = min(int(position), len(curve) - 2)
-            part = position - low
-            values[i] = (1.0 - part) * curve[low] + part * curve[low + 1]
+        values[i] = read_curve_at(curve, absent, positions[i])
     return values
+
+
+@njit(cache=True, nogil=True, inline="always")
+def read_curve_at(curve, absent, position):  # type: ignore[no-untyped-def]
+    """`read_curve` at one position."""
+    if not position == position:
+        return absent
+    low = min(int(position), len(curve) - 2)
+    part = position - low
+    return (1.0 - part) * curve[low] + part * curve[low + 1]
 
 
 @njit(cache=True, nogil=True)

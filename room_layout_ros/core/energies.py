@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .cell_counts import CellCounts
-from .depth_profiles import DepthProfiles, curve_positions, read_curve
+from .depth_profiles import DepthProfiles
 from .integral_geometry import PairTables, face_counts, pair_tables
 from .labelling import LabelProblem
 from .labels import FRONT_WALL, N_FACES, N_LABELS
@@ -27,7 +27,6 @@ from .weights import BLOCKS, N_FEATURES, SLICES, ModelWeights, physical_table
 N_LAYOUT_FEATURES = 11
 _TABLE = physical_table()
 _FRONT = FRONT_WALL - 1
-_PLANE_FACE = (*(face - 1 for face in SIDE_FACE), _FRONT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +97,7 @@ class JointProblem:
     @property
     def area(self) -> NDArray[np.float64]:
         """(K,) share of the image per superpixel."""
-        return self.by_superpixel(self.counts.pixels[:, None])[:, 0] / self.pixels
+        return np.bincount(self.atom_superpixel, self.counts.pixels, len(self.label_gc)) / self.pixels
 
     @property
     def scales(self) -> NDArray[np.float64]:
@@ -145,72 +144,8 @@ def layout_costs(problem: JointProblem, weights: ModelWeights, extra: ExtraCosts
 
 def compatibility_costs(problem: JointProblem, weights: ModelWeights, labels: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the cost of one pixel of each atom in each face for labels (K,) 0..5, E_comp: (A, 5)."""
-    return weights.block("compatibility").T[labels[problem.atom_superpixel]] / problem.pixels
-
-
-@dataclass(frozen=True, slots=True)
-class PlaneCosts:
-    """Costs of the planes' offsets at every candidate scale.
-
-    Attributes
-    ----------
-    sides : four (C, n) float64 costs per scale and state of ceiling, floor, left and right ray.
-    constant : (C,) float64 cost of the front wall and of what depends on no ray.
-    positions : where the planes of the four sides (C, n) and of the front wall (C,) lie on curves over the offsets.
-    """
-
-    sides: tuple[NDArray[np.float64], ...]
-    constant: NDArray[np.float64]
-    positions: tuple[NDArray[np.float64], ...]
-
-    def of(self, layout: Layout, c: int) -> float:
-        """Return the cost of one layout at scale number c."""
-        return float(self.constant[c] + sum(side[c, state] for side, state in zip(self.sides, layout, strict=True)))
-
-    def unaries(
-        self, c: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the costs of the four sides' states at scale number c."""
-        ceiling, floor, left, right = self.sides
-        return ceiling[c], floor[c], left[c], right[c]
-
-    @property
-    def least(self) -> NDArray[np.float64]:
-        """(C,) lower bound of `of` over all layouts."""
-        result: NDArray[np.float64] = self.constant + sum(side.min(axis=1) for side in self.sides)
-        return result
-
-
-def plane_costs(problem: JointProblem, weights: ModelWeights) -> PlaneCosts:
-    """Return support, violation and absence of the planes, and the cost of the front axis (`with_fit` adds more)."""
-    support, violation = weights.block("plane_support"), weights.block("plane_violation")
-    absent = weights.block("face_absent")
-    scales = problem.scales[:, None]
-    front = np.full(len(scales), float(weights.block("front_axis")[0]) * problem.front_axis)
-    sides: list[NDArray[np.float64]] = []
-    positions: list[NDArray[np.float64]] = []
-    for side in range(N_SIDES):
-        states = problem.counts.grid.side_states(side)
-        sides.append(np.tile(np.where(np.isfinite(states), 0.0, absent[side]), (len(scales), 1)))
-        positions.append(curve_positions(states * scales))
-    positions.append(curve_positions(scales[:, 0]))
-    if problem.profiles is not None:
-        for part, face, at in zip((*sides, front), _PLANE_FACE, positions, strict=True):
-            curve = support[face] * problem.profiles.support[face] + violation[face] * problem.profiles.violation[face]
-            np.add(part, read_curve(curve, 0.0, at), out=part)
-    return PlaneCosts(tuple(sides), front, tuple(positions))
-
-
-def with_fit(planes: PlaneCosts, problem: JointProblem, weights: ModelWeights, labels: NDArray[np.int64]) -> PlaneCosts:
-    """Return the costs of the planes with the fit of labels (K,) added."""
-    if problem.fit is None:
-        return planes
-    curves, absent = problem.fit.curves(labels, problem.area, weights.block("plane_fit"))
-    parts = [
-        part + read_curve(curves[face], float(absent[face]), at)
-        for part, face, at in zip((*planes.sides, planes.constant), _PLANE_FACE, planes.positions, strict=True)
-    ]
-    return PlaneCosts(tuple(parts[:N_SIDES]), parts[N_SIDES], planes.positions)
+    per_label = np.ascontiguousarray(weights.block("compatibility").T) / problem.pixels
+    return per_label[labels[problem.atom_superpixel]]
 
 
 def layout_tables(
@@ -271,8 +206,17 @@ def coupling(problem: JointProblem, weights: ModelWeights, layout: Layout, scale
     cost = superpixel_faces(problem, layout) @ weights.block("compatibility")
     if problem.fit is not None:
         shares = problem.fit.at(plane_distances(problem, layout, scale))
-        cost[:, :N_FACES] += problem.area[:, None] * np.einsum("kfr,fr->kf", shares, weights.block("plane_fit"))
+        _add_fit(cost, problem.area, shares, weights.block("plane_fit"))
     return cost
+
+
+@njit(cache=True, nogil=True)
+def _add_fit(cost, area, shares, weights):  # type: ignore[no-untyped-def]
+    """cost[k, f] += area[k] (shares[k, f] . weights[f]) for every face f."""
+    for k in range(len(area)):
+        for f in range(weights.shape[0]):
+            for r in range(weights.shape[1]):
+                cost[k, f] += area[k] * shares[k, f, r] * weights[f, r]
 
 
 def plane_distances(problem: JointProblem, layout: Layout, scale: float) -> NDArray[np.float64]:

@@ -13,14 +13,11 @@ from .depth import DepthGeometry
 from .energies import (
     ExtraCosts,
     JointProblem,
-    PlaneCosts,
     compatibility_costs,
     coupling,
     label_problem,
     layout_costs,
-    plane_costs,
     superpixel_faces,
-    with_fit,
 )
 from .frame import CameraIntrinsics
 from .integral_geometry import PairTables, pair_tables
@@ -35,9 +32,10 @@ from .layout_search import (
     diverse_layouts,
     layout_energy,
     min_marginals,
-    search_layout,
 )
+from .plane_costs import PlaneCosts, plane_costs, with_fit
 from .ray_grid import SIDE_FACE
+from .scale_search import PlacedLayout, best_layout
 from .superpixels import Superpixels
 from .weights import ModelWeights
 
@@ -183,15 +181,6 @@ def solve_joint(
 
 
 @dataclass(frozen=True, slots=True)
-class _Placed:
-    """A layout, the number of its scale and its energy under the tables it was found with."""
-
-    layout: Layout
-    scale: int
-    energy: float
-
-
-@dataclass(frozen=True, slots=True)
 class _State:
     layout: Layout
     scale: int
@@ -234,22 +223,24 @@ class _Alternation:
             raise AssertionError("a layout search without a start")
         return best
 
-    def first_layouts(self) -> list[_Placed]:
+    def first_layouts(self) -> list[PlacedLayout]:
         """Best layouts of E_layout alone: the diverse ones at the best scale."""
         best = best_layout(self.tables_alone, self.planes_alone)
         if self.config.joint_starts == 1:
             return [best]
         tables = add_unaries(self.tables_alone, self.planes_alone.unaries(best.scale))
         ranked = diverse_layouts(tables, self.config.joint_starts)
-        return [_Placed(r.layout, best.scale, r.energy + float(self.planes_alone.constant[best.scale])) for r in ranked]
+        return [
+            PlacedLayout(r.layout, best.scale, r.energy + float(self.planes_alone.constant[best.scale])) for r in ranked
+        ]
 
-    def placed(self, layout: Layout) -> _Placed:
+    def placed(self, layout: Layout) -> PlacedLayout:
         """Return a layout at the scale that suits it best."""
         energies = [self.planes_alone.of(layout, c) for c in range(len(self.problem.scales))]
         c = int(np.argmin(energies))
-        return _Placed(layout, c, layout_energy(self.tables_alone, layout) + energies[c])
+        return PlacedLayout(layout, c, layout_energy(self.tables_alone, layout) + energies[c])
 
-    def run(self, start: _Placed) -> _State:
+    def run(self, start: PlacedLayout) -> _State:
         """Alternate from one layout until nothing changes, the rounds are used up or the time is."""
         layout, scale = start.layout, start.scale
         labelling = self.label(layout, scale, None)
@@ -324,29 +315,6 @@ class _Alternation:
             of_layout = best_layout(pair_tables(problem.counts, cost), self.planes_alone).energy
             best = max(best, of_layout + self.solve_labels(moved + least, None).bound)
         return min(best, state.energy)
-
-
-def best_layout(tables: PairTables, planes: PlaneCosts, known: tuple[Layout, int] | None = None) -> _Placed:
-    """Return the exact minimum over layouts and scales.
-
-    Scales whose lower bound is no better than the best so far are not searched; `known`, the layout before, is kept
-    unless another is better.
-    """
-    least = planes.least
-    lowest = search_layout(tables).energy
-    best = None
-    if known is not None:
-        best = _Placed(*known, layout_energy(tables, known[0]) + planes.of(*known))
-    for c in np.argsort(least, kind="stable"):
-        if best is not None and lowest + least[c] >= best.energy - _TIE:
-            break
-        found = search_layout(add_unaries(tables, planes.unaries(c)))
-        energy = found.energy + float(planes.constant[c])
-        if best is None or energy < best.energy - _TIE:
-            best = _Placed(found.layout, int(c), energy)
-    if best is None:
-        raise AssertionError("no scale to search")
-    return best
 
 
 def _face_confidence(

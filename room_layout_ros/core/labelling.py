@@ -97,14 +97,12 @@ class LabelSolver:
     def solve(self, unary: NDArray[np.float64], sweeps: int, start: Labelling | None = None) -> Labelling:
         """Minimise the cost with other unary costs (K, L); see `solve_labelling`."""
         if start is None:
-            messages = np.zeros((len(self._problem.edges), 2, _WIDTH))
-            first = unary.argmin(axis=1)
+            messages, first = np.zeros((len(self._problem.edges), 2, _WIDTH)), np.full(len(unary), -1)
         else:
             messages, first = start.messages.copy(), start.labels
         padded = _padded_unary(unary, self._problem.pairwise)
-        labels, energy, bound = _trws(
-            padded, self._problem.edges, self._pairwise, *self._order, messages, first.astype(np.int64), sweeps
-        )
+        flat = messages.reshape(-1, _WIDTH)
+        labels, energy, bound = _trws(padded, self._problem.edges, self._pairwise, *self._order, flat, first, sweeps)
         return Labelling(labels, float(energy), float(bound), messages)
 
 
@@ -124,15 +122,15 @@ def solve_labelling(problem: LabelProblem, sweeps: int = 20, start: Labelling | 
 
 
 def _padded_pairwise(pairwise: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(2, E, 6, 6): costs of (first, second) and of (second, first), so that kernels read rows.
+    """(2E, 6, 6): costs of (first, second) and of (second, first) of each edge, so that kernels read rows.
 
     Kernels have loops of a fixed number of labels, which the compiler unrolls.
     """
     edges, labels, _ = pairwise.shape
-    padded = np.zeros((2, edges, _WIDTH, _WIDTH))
-    padded[0, :, :labels, :labels] = pairwise
-    padded[1, :, :labels, :labels] = pairwise.transpose(0, 2, 1)
-    return padded
+    padded = np.zeros((edges, 2, _WIDTH, _WIDTH))
+    padded[:, 0, :labels, :labels] = pairwise
+    padded[:, 1, :labels, :labels] = pairwise.transpose(0, 2, 1)
+    return padded.reshape(2 * edges, _WIDTH, _WIDTH)
 
 
 def _padded_unary(unary: NDArray[np.float64], pairwise: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -145,37 +143,45 @@ def _padded_unary(unary: NDArray[np.float64], pairwise: NDArray[np.float64]) -> 
     return padded
 
 
-def _adjacency(nodes: int, edges: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Edges of each node: (K + 1,) starts into (2E,) codes, edge << 1 | (node is the second of the edge)."""
+def _adjacency(nodes: int, edges: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
+    """Edges of each node: (K + 1,) starts into (2E,) codes, edge << 1 | (node is the second of the edge).
+
+    The code is the number of the message from the node and of the costs with the node's label first; the other
+    direction has the code ^ 1.
+    """
     ends = edges.T.ravel().astype(np.int64)  # all first nodes, then all second ones
     codes = np.concatenate([np.arange(len(edges)) << 1, np.arange(len(edges)) << 1 | 1])
     order = np.argsort(ends, kind="stable")
     starts = np.zeros(nodes + 1, dtype=np.int64)
     np.cumsum(np.bincount(ends, minlength=nodes), out=starts[1:])
-    return starts, codes[order]
+    return starts, codes[order].astype(np.uint32)
 
 
 @njit(cache=True, nogil=True)
 def _trws(unary, edges, pairwise, starts, codes, messages, labels, sweeps):  # type: ignore[no-untyped-def]
+    """Sweep from `labels`, where they are not negative; updates the messages in place."""
     nodes = len(unary)
     best = labels.copy()
+    for i in range(nodes):
+        best[i] = _argmin(unary[i]) if labels[i] < 0 else labels[i]
     _descend(unary, edges, pairwise, starts, codes, best)
     best_energy = _energy(unary, edges, pairwise, best)
     bound = -np.inf
     current = np.zeros(nodes, np.int64)
-    belief, out = np.empty(_WIDTH), np.empty(_WIDTH)
+    belief, fixed = np.empty(_WIDTH), np.empty(_WIDTH)
     for _ in range(sweeps):
         for i in range(nodes):
-            _collect(unary, edges, pairwise, starts, codes, messages, current, i, belief)
-            current[i] = belief.argmin()
-            _send(pairwise, starts, codes, messages, unary, i, 0, belief, out)
+            _collect(unary, edges, pairwise, starts, codes, messages, current, i, belief, fixed)
+            current[i] = _argmin(fixed)
+            _send(pairwise, starts, codes, messages, i, 0, belief)
         energy = _energy(unary, edges, pairwise, current)
         if energy < best_energy - 1e-12:
             best_energy = energy
             best[:] = current
         new_bound = 0.0
         for i in range(nodes - 1, -1, -1):
-            new_bound += _send(pairwise, starts, codes, messages, unary, i, 1, belief, out)
+            _believe(unary, starts, codes, messages, i, belief)
+            new_bound += _send(pairwise, starts, codes, messages, i, 1, belief)
         stalled = new_bound - bound < 1e-6 * (1.0 + abs(new_bound))
         bound = max(bound, new_bound)
         if stalled or best_energy - bound < 1e-7 * (1.0 + abs(bound)):
@@ -184,54 +190,85 @@ def _trws(unary, edges, pairwise, starts, codes, messages, labels, sweeps):  # t
     return best, _energy(unary, edges, pairwise, best), bound
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _argmin(values):  # type: ignore[no-untyped-def]
+    """First of the least of `_WIDTH` values."""
+    best = 0
+    for a in range(1, _WIDTH):
+        best = a if values[a] < values[best] else best
+    return best
+
+
 @njit(cache=True, nogil=True)
-def _collect(unary, edges, pairwise, starts, codes, messages, current, i, belief):  # type: ignore[no-untyped-def]
-    """Costs of node i given the labels already fixed (nodes before i) and the messages of the others."""
+def _collect(unary, edges, pairwise, starts, codes, messages, current, i, belief, fixed):  # type: ignore[no-untyped-def]
+    """Costs of node i by all messages, and by the labels already fixed (of nodes before i) and the others' messages."""
     for a in range(_WIDTH):
-        belief[a] = unary[i, a]
+        belief[a] = fixed[a] = unary[i, a]
     for c in range(starts[i], starts[i + 1]):
-        e, second = codes[c] >> 1, codes[c] & 1
-        if second:
-            other = current[edges[e, 0]]
+        code = codes[c]
+        incoming = code ^ 1
+        if code & 1:
+            other = current[edges[code >> 1, 0]]
             for a in range(_WIDTH):
-                belief[a] += pairwise[0, e, other, a]
+                fixed[a] += pairwise[incoming, other, a]
         else:
             for a in range(_WIDTH):
-                belief[a] += messages[e, 1, a]
+                fixed[a] += messages[incoming, a]
+        for a in range(_WIDTH):
+            belief[a] += messages[incoming, a]
 
 
 @njit(cache=True, nogil=True)
-def _send(pairwise, starts, codes, messages, unary, i, backward, belief, out):  # type: ignore[no-untyped-def]
-    """Update the messages from node i to later (backward = 0) or earlier nodes; return its part of the bound."""
+def _believe(unary, starts, codes, messages, i, belief):  # type: ignore[no-untyped-def]
+    """Costs of node i by all messages."""
     for a in range(_WIDTH):
         belief[a] = unary[i, a]
-    after, before = 0, 0
     for c in range(starts[i], starts[i + 1]):
-        e, second = codes[c] >> 1, codes[c] & 1
-        before += second
-        after += 1 - second
+        incoming = codes[c] ^ 1
         for a in range(_WIDTH):
-            belief[a] += messages[e, 1 - second, a]
-    least = belief.min()
+            belief[a] += messages[incoming, a]
+
+
+@njit(cache=True, nogil=True)
+def _send(pairwise, starts, codes, messages, i, backward, belief):  # type: ignore[no-untyped-def]
+    """Update the messages from node i to later (backward = 0) or earlier nodes; return its part of the bound.
+
+    `belief` is used up.
+    """
+    before = 0
+    for c in range(starts[i], starts[i + 1]):
+        before += codes[c] & 1
+    share = 1.0 / max(starts[i + 1] - starts[i] - before, before, 1)
+    least = belief[_argmin(belief)]
     part = least
-    share = 1.0 / max(after, before, 1)
+    for a in range(_WIDTH):
+        belief[a] = share * (belief[a] - least)
     for c in range(starts[i], starts[i + 1]):
-        e, second = codes[c] >> 1, codes[c] & 1
-        if second != backward:
-            continue
-        # to the other end: min over own label a of share * belief(a) - incoming(a) + cost
-        for b in range(_WIDTH):
-            out[b] = np.inf
-        for a in range(_WIDTH):
-            value = share * (belief[a] - least) - messages[e, 1 - second, a]
-            for b in range(_WIDTH):
-                cost = value + pairwise[second, e, a, b]
-                out[b] = cost if cost < out[b] else out[b]
-        low = out.min()
-        part += low
-        for b in range(_WIDTH):
-            messages[e, second, b] = out[b] - low
+        code = codes[c]
+        if code & 1 == backward:
+            part += _pass_on(pairwise, messages, code, belief)
     return part
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _pass_on(pairwise, messages, code, belief):  # type: ignore[no-untyped-def]
+    """One message: min over the own label a of belief(a) - incoming(a) + cost(a, b), less its least value, which is
+    returned.
+    """
+    back = code ^ 1
+    own0, own1, own2 = belief[0] - messages[back, 0], belief[1] - messages[back, 1], belief[2] - messages[back, 2]
+    own3, own4, own5 = belief[3] - messages[back, 3], belief[4] - messages[back, 4], belief[5] - messages[back, 5]
+    for b in range(_WIDTH):
+        one = min(own0 + pairwise[code, 0, b], own1 + pairwise[code, 1, b])
+        two = min(own2 + pairwise[code, 2, b], own3 + pairwise[code, 3, b])
+        three = min(own4 + pairwise[code, 4, b], own5 + pairwise[code, 5, b])
+        messages[code, b] = min(min(one, two), three)
+    low = messages[code, 0]
+    for b in range(1, _WIDTH):
+        low = min(low, messages[code, b])
+    for b in range(_WIDTH):
+        messages[code, b] -= low
+    return low
 
 
 @njit(cache=True, nogil=True)
@@ -244,11 +281,11 @@ def _descend(unary, edges, pairwise, starts, codes, labels):  # type: ignore[no-
             for a in range(_WIDTH):
                 belief[a] = unary[i, a]
             for c in range(starts[i], starts[i + 1]):
-                e, second = codes[c] >> 1, codes[c] & 1
-                other = labels[edges[e, 1 - second]]
+                code = codes[c]
+                other = labels[edges[code >> 1, 1 - (code & 1)]]
                 for a in range(_WIDTH):
-                    belief[a] += pairwise[1 - second, e, other, a]
-            best = belief.argmin()
+                    belief[a] += pairwise[code ^ 1, other, a]
+            best = _argmin(belief)
             if belief[best] < belief[labels[i]] - 1e-12:
                 labels[i] = best
                 changed = True
@@ -262,5 +299,5 @@ def _energy(unary, edges, pairwise, labels):  # type: ignore[no-untyped-def]
     for i in range(len(labels)):
         total += unary[i, labels[i]]
     for e in range(len(edges)):
-        total += pairwise[0, e, labels[edges[e, 0]], labels[edges[e, 1]]]
+        total += pairwise[2 * e, labels[edges[e, 0]], labels[edges[e, 1]]]
     return total

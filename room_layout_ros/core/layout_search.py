@@ -57,20 +57,30 @@ def search_layout(tables: PairTables) -> RankedLayout:
     tables : PairTables
         float64 costs without NaN.
     """
-    table = _eliminate(tables[0], tables[2]) + _eliminate(tables[1], tables[3])
-    i1, i2 = np.unravel_index(int(table.argmin()), table.shape)
+    return _least(tables, complete(tables))
+
+
+def complete(tables: PairTables) -> NDArray[np.float64]:
+    """(n1, n2): the least cost of a layout with each ceiling and floor."""
+    return _eliminate(tables[0], tables[2]) + _eliminate(tables[1], tables[3])
+
+
+def _complete_walls(tables: PairTables) -> NDArray[np.float64]:
+    """(n3, n4): the least cost of a layout with each left and right wall."""
+    upper, lower = _eliminate(turned(tables[0]), turned(tables[1])), _eliminate(turned(tables[2]), turned(tables[3]))
+    return upper + lower
+
+
+def _least(tables: PairTables, completed: NDArray[np.float64]) -> RankedLayout:
+    i1, i2 = divmod(int(completed.argmin()), completed.shape[1])
     j3 = int((tables[0][i1] + tables[2][i2]).argmin())
     j4 = int((tables[1][i1] + tables[3][i2]).argmin())
-    layout = (int(i1), int(i2), j3, j4)
-    return RankedLayout(layout, layout_energy(tables, layout))
+    return RankedLayout((i1, i2, j3, j4), layout_energy(tables, (i1, i2, j3, j4)))
 
 
 def min_marginals(tables: PairTables) -> StateCosts:
     """Return, for each state of ceiling, floor, left and right ray, the least cost of a layout that has it."""
-    over_walls = _eliminate(tables[0], tables[2]) + _eliminate(tables[1], tables[3])
-    over_levels = _eliminate(_turned(tables[0]), _turned(tables[1])) + _eliminate(
-        _turned(tables[2]), _turned(tables[3])
-    )
+    over_walls, over_levels = complete(tables), _complete_walls(tables)
     return over_walls.min(axis=1), over_walls.min(axis=0), over_levels.min(axis=1), over_levels.min(axis=0)
 
 
@@ -79,7 +89,7 @@ def best_layouts(tables: PairTables, count: int) -> list[RankedLayout]:
 
     A best-first expansion: each (y1, y2) offers its layouts by rank of y3 and rank of y4.
     """
-    table = _eliminate(tables[0], tables[2]) + _eliminate(tables[1], tables[3])
+    table = complete(tables)
     n2 = table.shape[1]
     first = np.argsort(table, axis=None, kind="stable")[:count]  # only these pairs can hold one of the best
     heap: list[tuple[float, int, int, int]] = [(float(table.flat[p]), int(p), 0, 0) for p in first]
@@ -112,9 +122,8 @@ def diverse_layouts(tables: PairTables, count: int, distance: int = 4) -> list[R
     The first is the global minimum. The candidates are the best completions of every (y1, y2) and of every (y3, y4), so
     the costs are exact but a layout that is best for neither pair is not offered.
     """
-    levels = _eliminate(tables[0], tables[2]) + _eliminate(tables[1], tables[3])
-    walls = _eliminate(_turned(tables[0]), _turned(tables[1])) + _eliminate(_turned(tables[2]), _turned(tables[3]))
-    chosen = [search_layout(tables)]
+    levels, walls = complete(tables), _complete_walls(tables)
+    chosen = [_least(tables, levels)]
     level_open, wall_open = np.ones(levels.shape, bool), np.ones(walls.shape, bool)
     _close(level_open, chosen[0].layout[:2], distance)
     _close(wall_open, chosen[0].layout[2:], distance)
@@ -148,25 +157,32 @@ def _close(open_: NDArray[np.bool_], centre: tuple[int, ...], distance: int) -> 
     open_[max(0, a - distance) : a + distance + 1, max(0, b - distance) : b + distance + 1] = False
 
 
-def _turned(table: NDArray[np.float64]) -> NDArray[np.float64]:
+def turned(table: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the transpose, contiguous."""
     return np.ascontiguousarray(table.T)
 
 
 def _eliminate(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, m) min over k of first[n, k] + second[m, k]."""
-    return _min_plus(np.ascontiguousarray(first), _turned(second))
+    result = np.empty((len(first), len(second)))
+    min_plus(np.ascontiguousarray(first), turned(second), result)
+    return result
 
 
 @njit(cache=True, nogil=True)
-def _min_plus(first, second):  # type: ignore[no-untyped-def]
+def min_plus(first, second, result):  # type: ignore[no-untyped-def]
+    """result[n, m] = min over k of first[n, k] + second[k, m]; four k at a time, so that a row is read less often."""
     n, depth = first.shape
-    m = second.shape[1]
-    result = np.full((n, m), np.inf)
+    whole = depth - depth % 4
     for i in range(n):
         row = result[i]
-        for k in range(depth):  # the innermost loop runs over a row, so that it can be vectorised
-            value, other = first[i, k], second[k]
-            for j in range(m):
-                cost = value + other[j]
-                row[j] = cost if cost < row[j] else row[j]
-    return result
+        row[:] = np.inf
+        for k in range(0, whole, 4):
+            a, b, c, d = first[i, k], first[i, k + 1], first[i, k + 2], first[i, k + 3]
+            for j in range(second.shape[1]):  # the innermost loop runs over a row, so that it can be vectorised
+                one = min(a + second[k, j], b + second[k + 1, j])
+                two = min(c + second[k + 2, j], d + second[k + 3, j])
+                row[j] = min(row[j], min(one, two))
+        for k in range(whole, depth):
+            for j in range(second.shape[1]):
+                row[j] = min(row[j], first[i, k] + second[k, j])
