@@ -6,6 +6,7 @@ import random
 import threading
 from collections.abc import Iterator
 
+import psutil
 import pytest
 
 pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
@@ -63,8 +64,34 @@ def test_it_estimates_only_while_active(bench: Bench) -> None:
 
 
 def test_f38_random_transitions_keep_to_legal_states_and_leak_no_thread(bench: Bench) -> None:
+    wander(bench, 60)
+
+
+@pytest.mark.soak
+def test_f38_five_hundred_cycles_leak_nothing(bench: Bench) -> None:
+    def cycle() -> None:
+        for name in ("configure", "activate", "deactivate", "cleanup"):
+            trigger(bench, name)
+            bench.executor.spin_once(timeout_sec=0.0)
+        for estimator in bench.estimators:
+            estimator.frames.clear()
+
+    process = psutil.Process()
+    for _ in range(20):
+        cycle()
+    bench.spin(0.5)  # the kernel needs a moment to bury a thread that has been joined
+    before = process.num_threads(), process.num_fds(), process.memory_info().rss
+    for _ in range(480):
+        cycle()
+    bench.spin(0.5)
+    assert process.num_threads() <= before[0]
+    assert process.num_fds() <= before[1]
+    assert process.memory_info().rss - before[2] < 16 * 1024 * 1024
+
+
+def wander(bench: Bench, steps: int) -> None:
     chance, state = random.Random(2), "unconfigured"
-    for _ in range(60):
+    for _ in range(steps):
         name = chance.choice(sorted(LEGAL[state]))
         trigger(bench, name)
         state = LEGAL[state][name]
