@@ -67,7 +67,7 @@ class EstimatorConfig:
     Raises
     ------
     ValueError
-        When a value is of the wrong type or out of its bounds.
+        When a value is of the wrong type or out of its bounds, or the nearest depth is not before the farthest.
     """
 
     use_color: bool = _p(True, "use the colour image (false: depth-only operation)")
@@ -139,6 +139,10 @@ class EstimatorConfig:
     def __post_init__(self) -> None:
         for parameter in parameters(type(self)):
             object.__setattr__(self, parameter.name, parameter.check(getattr(self, parameter.name)))
+        if self.min_depth_m >= self.max_depth_m:
+            raise ValueError(
+                f"min_depth_m is {self.min_depth_m} m and max_depth_m {self.max_depth_m} m; the first must be the smaller"
+            )
 
 
 def parameters(table: type = EstimatorConfig) -> Iterator[Parameter]:
