@@ -37,7 +37,7 @@ _TAIL_SHARE = 0.25
 _BEHIND_CELLS = 3
 _COLUMN_STEP_M, _COLUMN_STEPS = 0.1, 12
 _MIN_HIDDEN = 2
-_COVER_M = (0.08, 0.8)
+_COVER_M = (0.08, 0.6)
 """What stands this far before the space above a cell hides what may hang there (a seat behind its back, a table)."""
 
 _GAP = np.ones((5, 5), np.uint8)
@@ -264,28 +264,40 @@ def _keep_away(grid, nearest, walls, x0, y0, size, margin):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True)
 def _hide_covered(grid, inverse, intrinsics, T, corner, robot_height):  # type: ignore[no-untyped-def]
-    """Free cells whose floor shows below a thing that hides the space above them become unknown (a chair's seat)."""
-    fx, fy, cx, cy = intrinsics
+    """Free cells whose floor shows below a thing that hides the space above a corner become unknown (a chair's seat)."""
     x0, y0, size = corner
-    height, width = inverse.shape
-    heights = min(int(robot_height / _COLUMN_STEP_M), _COLUMN_STEPS)
+    covered = np.zeros((grid.shape[0] + 1, grid.shape[1] + 1), np.bool_)
+    for i in range(grid.shape[0] + 1):
+        for j in range(grid.shape[1] + 1):
+            near = False
+            for m in range(max(i - 1, 0), min(i + 1, grid.shape[0])):
+                for n in range(max(j - 1, 0), min(j + 1, grid.shape[1])):
+                    near = near or grid[m, n] == 0
+            if near:
+                covered[i, j] = _is_covered(x0 + j * size, y0 + i * size, inverse, intrinsics, T, robot_height)
     for i in range(grid.shape[0]):
         for j in range(grid.shape[1]):
-            if grid[i, j] != 0:
-                continue
-            x, y = x0 + (j + 0.5) * size, y0 + (i + 0.5) * size
-            hidden = 0
-            for k in range(1, heights + 1):
-                h = k * _COLUMN_STEP_M
-                z = T[2, 0] * x + T[2, 1] * y + T[2, 2] * h + T[2, 3]
-                if z < 0.1:
-                    continue
-                u = int(np.rint((T[0, 0] * x + T[0, 1] * y + T[0, 2] * h + T[0, 3]) / z * fx + cx))
-                v = int(np.rint((T[1, 0] * x + T[1, 1] * y + T[1, 2] * h + T[1, 3]) / z * fy + cy))
-                if u < 0 or v < 0 or u >= width or v >= height or inverse[v, u] <= 0.0:
-                    continue
-                before = z - 1.0 / inverse[v, u]
-                if before > _COVER_M[0] and before < _COVER_M[1]:
-                    hidden += 1
-            if hidden >= _MIN_HIDDEN:
+            hidden = covered[i, j] or covered[i + 1, j] or covered[i, j + 1] or covered[i + 1, j + 1]
+            if hidden and grid[i, j] == 0:
                 grid[i, j] = -1
+
+
+@njit(cache=True, nogil=True)
+def _is_covered(x, y, inverse, intrinsics, T, robot_height):  # type: ignore[no-untyped-def]
+    """Whether something nearer hides part of the space above a point of the floor."""
+    fx, fy, cx, cy = intrinsics
+    height, width = inverse.shape
+    hidden = 0
+    for k in range(1, min(int(robot_height / _COLUMN_STEP_M), _COLUMN_STEPS) + 1):
+        h = k * _COLUMN_STEP_M
+        z = T[2, 0] * x + T[2, 1] * y + T[2, 2] * h + T[2, 3]
+        if z < 0.1:
+            continue
+        u = int(np.rint((T[0, 0] * x + T[0, 1] * y + T[0, 2] * h + T[0, 3]) / z * fx + cx))
+        v = int(np.rint((T[1, 0] * x + T[1, 1] * y + T[1, 2] * h + T[1, 3]) / z * fy + cy))
+        if u < 0 or v < 0 or u >= width or v >= height or inverse[v, u] <= 0.0:
+            continue
+        before = z - 1.0 / inverse[v, u]
+        if before > _COVER_M[0] and before < _COVER_M[1]:
+            hidden += 1
+    return hidden >= _MIN_HIDDEN

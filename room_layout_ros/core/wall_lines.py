@@ -15,8 +15,8 @@ from .estimate import RoomEstimate
 from .labels import FACES
 
 _REACH_M = 0.20
-_BIN_M = 0.02
-_SLICE_M = 0.10
+_BIN_M = 0.04
+_SLICE_M = 0.20
 _LONGEST_M = 12.0
 _HEIGHTS_M = (0.10, 1.5)
 _STRIDE = 2

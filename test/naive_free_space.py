@@ -1,0 +1,67 @@
+"""The slow obvious twin of the sums per cell of the floor."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from room_layout_ros.core.depth import DepthGeometry
+from room_layout_ros.core.floor_cells import (
+    BEYOND_PIXEL,
+    FLOOR_PIXEL,
+    HOLE_PIXEL,
+    NOTHING,
+    OBSTACLE_PIXEL,
+    WALL_PIXEL,
+)
+
+
+def naive_cells(
+    geometry: DepthGeometry,
+    T_camera_floor: NDArray[np.float64],
+    sigma_m: float,
+    walls: NDArray[np.float64],
+    shape: tuple[int, int],
+    size: float,
+    limits: tuple[float, float, float],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Return seen, obstacle and hole shares of the cells and the kinds of the pixels; even noise, flat floor."""
+    lowest, factor, highest = limits
+    T_floor_camera = np.linalg.inv(T_camera_floor)
+    foot = T_floor_camera[:3, 3]
+    height = foot[2]
+    camera = geometry.camera
+    seen, obstacle, hole = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    kinds = np.zeros((camera.height, camera.width), np.int64)
+    for v in range(camera.height):
+        for u in range(camera.width):
+            w = float(geometry.inverse_depth[v, u])
+            if w == 0:
+                continue
+            ray = np.linalg.inv(camera.matrix) @ (u, v, 1.0)
+            point = T_floor_camera[:3, :3] @ (ray / w) + foot
+            near_gain = min(max(3.0 - 1 / w, 0.0), 1.5)
+            threshold = max(lowest, (factor - near_gain) * sigma_m)
+            tolerance = 0.02 + 3.0 * sigma_m / w / height
+            kind, area = NOTHING, 0.0
+            if point[2] > highest:
+                continue
+            if point[2] > threshold:
+                gaps = [c - a * point[0] - b * point[1] for a, b, c, _ in walls]
+                kind = WALL_PIXEL if any(g < tolerance for g in gaps) else OBSTACLE_PIXEL
+                kind = BEYOND_PIXEL if any(g < -tolerance for g in gaps) else kind
+                area = 1 / (w * w * camera.fx * camera.fy)
+            else:
+                direction = T_floor_camera[:3, :3] @ ray
+                if direction[2] > -1e-3:
+                    continue
+                kind = FLOOR_PIXEL if point[2] > -threshold else HOLE_PIXEL
+                z = -height / direction[2]
+                point = foot + z * direction
+                area = z**3 / (height * camera.fx * camera.fy)
+            kinds[v, u] = kind
+            i, j = int(np.floor(point[1] / size + shape[0] / 2)), int(np.floor(point[0] / size))
+            if 0 <= i < shape[0] and 0 <= j < shape[1]:
+                for sums, what in ((seen, FLOOR_PIXEL), (obstacle, OBSTACLE_PIXEL), (hole, HOLE_PIXEL)):
+                    sums[i, j] += (kind == what) * area / size**2
+    return seen, obstacle, hole, kinds

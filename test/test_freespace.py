@@ -1,0 +1,338 @@
+"""Free space: what is called free is free, what stands there is found, what is not seen is not known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from naive_free_space import naive_cells
+
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.cuboids import compute_object_cuboids
+from room_layout_ros.core.depth import compute_depth_geometry
+from room_layout_ros.core.estimate import RoomEstimate, Status
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.floor_cells import sum_floor_cells
+from room_layout_ros.core.floor_frame import floor_frame, room_outline, walls_on_floor
+from room_layout_ros.core.floor_plane import FloorFit, FloorPlane, fit_floor
+from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
+from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, FreeSpace, compute_free_space
+from room_layout_ros.datasets.sample import Sample
+from room_layout_ros.datasets.synthetic import (
+    CLEAN,
+    KINECT,
+    KINECT_NOISE,
+    NOISES,
+    SensorNoise,
+    SyntheticRoom,
+    camera_pose,
+    random_pose,
+    random_scene,
+    render,
+)
+from room_layout_ros.datasets.synthetic.shapes import Material, Solid
+from room_layout_ros.evaluation.free_space import (
+    found_things,
+    scene_with_small_things,
+    score_free_space,
+    true_free_space,
+)
+
+CONFIG = EstimatorConfig()
+GREY = Material((120, 120, 120))
+
+
+def with_truth(sample: Sample) -> RoomEstimate:
+    """The estimate that an estimator without fault would give."""
+    assert sample.truth is not None
+    assert sample.truth.layout is not None
+    assert sample.truth.labels is not None
+    assert sample.truth.cuboid is not None
+    blank = no_estimate_of(sample)
+    return replace(
+        blank,
+        layout=sample.truth.layout,
+        labels=sample.truth.labels,
+        furniture=sample.truth.furniture,
+        cuboid=sample.truth.cuboid,
+        R_room_camera=sample.truth.cuboid.R_room_camera,
+    )
+
+
+def no_estimate_of(sample: Sample) -> RoomEstimate:
+    size = (sample.frame.camera.height, sample.frame.camera.width)
+    return RoomEstimate(
+        Status.OK, np.zeros(size, np.uint8), np.zeros(size, np.uint8), np.zeros(size, np.uint8),
+        np.zeros(size, np.int32), np.eye(3), 1.0, 1.0, np.ones(5), None, (),
+    )  # fmt: skip
+
+
+def free_space_of(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig = CONFIG) -> FreeSpace:
+    geometry = compute_depth_geometry(frame, config)
+    assert geometry is not None
+    result = compute_free_space(geometry, estimate, config)
+    assert result is not None
+    return result
+
+
+def empty(*solids: Solid) -> SyntheticRoom:
+    return random_scene(np.random.default_rng(0), furniture=0.0, decorate=False).furnished(solids)
+
+
+def box(x: float, y: float, size: float, top: float, bottom: float = 0.0) -> Solid:
+    return Solid(x, y, 0.0, size, size, bottom, top, 5, GREY, thing=1)
+
+
+def look(
+    room: SyntheticRoom, noise: SensorNoise = CLEAN, height: float = 1.2, pitch: float = -0.35
+) -> tuple[Sample, FreeSpace]:
+    pose = camera_pose(-1.4, 0.0, height, 0.0, pitch)
+    sample = render(room, KINECT, pose, noise, np.random.default_rng(3))
+    return sample, free_space_of(sample.frame, with_truth(sample))
+
+
+def cell_at(free_space: FreeSpace, x: float, y: float) -> int:
+    i = int((y - free_space.origin_m[1]) / free_space.resolution_m)
+    return int(free_space.grid[i, int((x - free_space.origin_m[0]) / free_space.resolution_m)])
+
+
+def test_sums_equal_their_naive_twin() -> None:
+    camera = CameraIntrinsics(64, 48, 52.5, 52.5, 31.5, 23.5)
+    room = empty(box(0.3, 0.2, 0.3, 0.4), box(0.9, -0.4, 0.2, 1.6))
+    sample = render(room, camera, camera_pose(-1.4, 0.1, 1.2, 0.1, -0.4), CLEAN)
+    assert sample.frame.depth_m is not None
+    depth = sample.frame.depth_m.copy()
+    depth[40:44, 10:20] *= 1.3  # below the floor
+    depth[5:20, 50:60] *= 1.5  # beyond a wall
+    depth[30, ::3] = np.nan
+    geometry = compute_depth_geometry(replace(sample.frame, depth_m=depth), CONFIG)
+    assert geometry is not None
+    assert sample.truth is not None
+    assert sample.truth.down_camera is not None
+    T = floor_frame(sample.truth.down_camera, sample.truth.camera_height_m)
+    walls = walls_on_floor(sample.truth.cuboid, T)
+    fit = FloorFit(sample.truth.down_camera, sample.truth.camera_height_m, np.full(24, 0.007), np.zeros((1, 1)), 1, "")
+    cells = sum_floor_cells(geometry, fit, T, walls, CONFIG)
+    seen, obstacle, hole, kinds = naive_cells(geometry, T, 0.007, walls, cells.seen.shape, 0.05, (0.02, 3.5, 2.0))
+    assert np.array_equal(cells.kind, kinds)
+    assert np.count_nonzero(np.bincount(kinds.ravel(), minlength=6)) == 6, "every kind of pixel must occur"
+    np.testing.assert_allclose(cells.seen, seen, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(cells.obstacle, obstacle, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(cells.hole, hole, rtol=1e-4, atol=1e-5)
+
+
+def test_the_floor_frame_is_that_of_rep_103() -> None:
+    """Ahead on the floor is x, left is y, up is z, and the origin is below the camera."""
+    pose = camera_pose(0.0, 0.0, 1.3, 0.7, -0.4, 0.05)
+    T = pose @ floor_frame(np.array([0.0, 0.0, -1.0]) @ pose[:3, :3], 1.3)
+    np.testing.assert_allclose(T[:3, 3], 0.0, atol=1e-9)
+    np.testing.assert_allclose(T[:3, 2], [0, 0, 1], atol=1e-9)
+    np.testing.assert_allclose(T[:2, 0], [np.cos(0.7), np.sin(0.7)], atol=1e-9)
+    assert np.linalg.det(T[:3, :3]) == pytest.approx(1.0)
+    down = floor_frame(np.array([0.0, 0.0, 1.0]), 2.0)
+    np.testing.assert_allclose(down[:3, 0], [0, -1, 0], atol=1e-9)
+
+
+def test_outline_is_clipped_by_walls_and_grid() -> None:
+    walls = np.array([[1.0, 0.0, 3.0, 3], [0.0, 1.0, 1.5, 2]])
+    outline = room_outline(walls, (0.0, -4.0, 6.0, 4.0))
+    assert sorted(map(tuple, outline.round(6).tolist())) == [(0.0, -4.0), (0.0, 1.5), (3.0, -4.0), (3.0, 1.5)]
+    assert len(room_outline(np.array([[1.0, 0.0, -1.0, 3]]), (0.0, -4.0, 6.0, 4.0))) == 0
+
+
+@pytest.mark.parametrize("noise", NOISES)
+def test_floor_within_two_centimetres_and_a_degree_from_a_wrong_start(noise: str) -> None:
+    room = empty(box(0.6, 0.3, 0.4, 0.5))
+    pose = camera_pose(-1.4, 0.0, 1.2, 0.0, -0.35)
+    sample = render(room, KINECT, pose, NOISES[noise], np.random.default_rng(5))
+    geometry = compute_depth_geometry(sample.frame, CONFIG)
+    assert geometry is not None
+    down = np.array([0.0, 0.0, -1.0]) @ pose[:3, :3]
+    tilted = down + np.array([0.0, 0.0, 0.025])
+    start = FloorPlane(tilted / np.linalg.norm(tilted), 1.24, "tf")
+    fit = fit_floor(geometry, with_truth(sample), CONFIG, start)
+    assert fit is not None
+    assert fit.source == "tf+depth"
+    slow = 1.5 if noise == "stereo" else 1.0  # its slow error bends the floor itself
+    assert abs(fit.distance_m - 1.2) < 0.02 * slow
+    assert np.degrees(np.arccos(np.clip(fit.normal @ down, -1, 1))) < 0.6 * slow
+
+
+def test_without_floor_in_view_the_prior_is_kept_or_nothing_is_said() -> None:
+    sample = render(empty(), KINECT, camera_pose(0.0, 0.0, 1.2, 0.0, 0.5), CLEAN)
+    geometry = compute_depth_geometry(sample.frame, CONFIG)
+    assert geometry is not None
+    down = np.array([0.0, np.cos(0.5), -np.sin(0.5)])
+    estimate = with_truth(sample)
+    assert compute_free_space(geometry, estimate, CONFIG) is None
+    assert compute_free_space(geometry, estimate, CONFIG, FloorPlane(down, float("nan"), "imu")) is None
+    given = compute_free_space(geometry, estimate, CONFIG, FloorPlane(down, 1.2, "tf"))
+    assert given is not None
+    assert given.source == "tf"
+    assert not (given.grid == FREE_CELL).any()
+
+
+def test_gravity_alone_finds_the_height() -> None:
+    sample, _ = look(empty())
+    assert sample.truth is not None
+    assert sample.truth.down_camera is not None
+    geometry = compute_depth_geometry(sample.frame, CONFIG)
+    assert geometry is not None
+    plane = FloorPlane(sample.truth.down_camera, float("nan"), "imu")
+    result = compute_free_space(geometry, with_truth(sample), CONFIG, plane)
+    assert result is not None
+    assert result.source == "imu+depth"
+    assert result.camera_height_m == pytest.approx(1.2, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("normal", "height", "message"),
+    [([0.0, 1.0, 0.1], 1.0, "unit vector"), ([0.0, 1.0, 0.0], 0.0, "above 0"), ([0.0, 1.0, 0.0], np.inf, "above 0")],
+)
+def test_a_wrong_prior_is_refused(normal: list[float], height: float, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        FloorPlane(np.array(normal), height)
+
+
+def test_a_hole_in_the_floor_is_not_free() -> None:
+    sample, _ = look(empty())
+    assert sample.frame.depth_m is not None
+    assert sample.truth is not None
+    assert sample.truth.down_camera is not None
+    # 60 cm x 60 cm of the floor are 30 cm lower: stairs down
+    rays = KINECT.rays()
+    T = floor_frame(sample.truth.down_camera, 1.2)
+    local = (rays * sample.frame.depth_m[..., None] - T[:3, 3]) @ T[:3, :3]
+    hole = (np.abs(local[..., 2]) < 0.01) & (np.abs(local[..., 0] - 2.0) < 0.3) & (np.abs(local[..., 1]) < 0.3)
+    depth = np.where(hole, sample.frame.depth_m * (1.5 / 1.2), sample.frame.depth_m).astype(np.float32)
+    result = free_space_of(replace(sample.frame, depth_m=depth), with_truth(sample))
+    assert all(cell_at(result, x, y) == OCCUPIED_CELL for x in (1.8, 2.0, 2.2) for y in (-0.2, 0.0, 0.2))
+    assert cell_at(result, 2.0, 0.5) == FREE_CELL
+
+
+def test_stray_pixels_are_no_obstacles(rng: np.random.Generator) -> None:
+    sample, clean = look(empty())
+    assert sample.frame.depth_m is not None
+    depth = sample.frame.depth_m.copy()
+    ys, xs = rng.integers(300, 480, 150), rng.integers(0, 640, 150)
+    depth[ys, xs] *= 0.8
+    result = free_space_of(replace(sample.frame, depth_m=depth), with_truth(sample))
+    assert ((clean.grid == FREE_CELL) & (result.grid == OCCUPIED_CELL)).sum() == 0
+    assert ((clean.grid == FREE_CELL) & (result.grid != FREE_CELL)).sum() < 10
+
+
+def test_missing_depth_is_not_known() -> None:
+    sample, clean = look(empty())
+    assert sample.frame.depth_m is not None
+    depth = sample.frame.depth_m.copy()
+    depth[:, 300:380] = np.nan
+    result = free_space_of(replace(sample.frame, depth_m=depth), with_truth(sample))
+    assert cell_at(clean, 2.0, 0.0) == FREE_CELL
+    assert cell_at(result, 2.0, 0.0) == -1
+
+
+def test_behind_a_thing_nothing_is_known_and_before_it_nothing_is_free() -> None:
+    _, result = look(empty(box(0.6, 0.0, 0.4, 0.5)))  # its front is 1.8 m ahead
+    assert cell_at(result, 1.82, 0.0) == OCCUPIED_CELL
+    assert cell_at(result, 1.72, 0.0) == -1
+    assert cell_at(result, 1.62, 0.0) == FREE_CELL
+    assert cell_at(result, 2.5, 0.0) == -1
+
+
+def test_a_low_robot_passes_under_what_a_tall_one_hits() -> None:
+    room = empty(Solid(0.6, 0.0, 0.0, 0.5, 0.5, 0.9, 0.95, 7, GREY, thing=1))
+    pose = camera_pose(-1.4, 0.0, 0.4, 0.0, -0.05)
+    sample = render(room, KINECT, pose, CLEAN)
+    tall = free_space_of(sample.frame, with_truth(sample))
+    low = free_space_of(sample.frame, with_truth(sample), replace(CONFIG, robot_height_m=0.6))
+    assert cell_at(tall, 2.0, 0.0) != FREE_CELL
+    assert cell_at(low, 2.0, 0.0) == FREE_CELL
+
+
+def test_clouds_leave_walls_out_and_keep_small_things() -> None:
+    sample, result = look(empty(box(0.1, 0.2, 0.04, 0.04)), KINECT_NOISE)
+    assert sample.T_world_camera is not None
+    world = result.obstacles @ sample.T_world_camera[:3, :3].T + sample.T_world_camera[:3, 3]
+    near_thing = np.hypot(world[:, 0] - 0.1, world[:, 1] - 0.2) < 0.08
+    assert near_thing.sum() >= 10
+    assert near_thing.mean() > 0.5, "walls, ceiling and noise are not in the cloud"
+    floor = result.floor @ sample.T_world_camera[:3, :3].T + sample.T_world_camera[:3, 3]
+    assert len(floor) > 1000
+    assert np.abs(floor[:, 2]).max() < 0.1
+
+
+def test_scan_tells_range_free_and_unknown() -> None:
+    room = empty(box(0.6, 0.0, 0.4, 0.5))
+    sample, result = look(room)
+    assert sample.truth is not None
+    assert sample.truth.cuboid is not None
+    scan = result.scan
+    angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges_m))
+    ahead = np.abs(angles) < 0.06
+    np.testing.assert_allclose(scan.ranges_m[ahead], 1.8 / np.cos(angles[ahead]), atol=0.02)
+    beside = np.flatnonzero((angles > 0.2) & (angles < 0.3))
+    wall = sample.truth.cuboid.distances[3] / np.cos(angles[beside])
+    assert np.all(np.abs(scan.ranges_m[beside] - wall) < 0.06)
+    assert sample.frame.depth_m is not None
+    depth = sample.frame.depth_m.copy()
+    depth[:, :200] = np.nan
+    depth[:330, 450:] = np.nan  # only the near floor is left there
+    walls_unknown = replace(with_truth(sample), cuboid=None)
+    geometry = compute_depth_geometry(replace(sample.frame, depth_m=depth), CONFIG)
+    assert geometry is not None
+    assert sample.truth.down_camera is not None
+    half = compute_free_space(geometry, walls_unknown, CONFIG, FloorPlane(sample.truth.down_camera, 1.2, "tf"))
+    assert half is not None
+    assert np.isnan(half.scan.ranges_m[angles > 0.33]).all()
+    assert np.isposinf(half.scan.ranges_m[angles < -0.33]).all()
+
+
+@pytest.mark.parametrize("noise", NOISES)
+def test_free_space_of_the_estimators_own_rooms(noise: str) -> None:
+    """Pooled IoU over four rooms, the estimator's planes and labels; not one free cell before a thing."""
+    estimator = LayoutEstimator()
+    both = either = near = 0
+    for seed in (3, 9, 11, 14):
+        rng = np.random.default_rng([seed, 11])
+        room = random_scene(rng, "cuboid", small_objects=12, furniture=0.6)
+        sample = render(room, KINECT, random_pose(room, rng), NOISES[noise], rng)
+        truth = true_free_space(room, sample, 0.05, 6.0, 4.0)
+        score = score_free_space(truth, free_space_of(sample.frame, estimator.estimate(sample.frame)))
+        both, either = both + score.pool_measured[0], either + score.pool_measured[1]
+        near += score.too_near
+    assert both / either >= (0.95 if noise == "clean" else 0.90)
+    assert near <= (2 if noise == "stereo" else 0)
+
+
+@pytest.mark.parametrize("noise", ["clean", "kinect"])
+def test_things_of_three_centimetres_are_found_at_a_metre_and_a_half(noise: str) -> None:
+    estimator = LayoutEstimator()
+    found = 0
+    for seed in range(2):
+        rng = np.random.default_rng([seed, 12])
+        room, pose, places = scene_with_small_things(rng, 0.03)
+        frame = render(room, KINECT, pose, NOISES[noise], rng).frame
+        found += found_things(free_space_of(frame, estimator.estimate(frame)), places)
+    assert found >= 9  # of 10
+
+
+def test_an_object_is_a_box_of_its_size() -> None:
+    thing = Solid(0.6, 0.2, 0.3, 0.6, 0.4, 0.0, 0.7, 6, GREY, thing=1)
+    sample, result = look(empty(thing))
+    geometry = compute_depth_geometry(sample.frame, CONFIG)
+    assert geometry is not None
+    (found,) = compute_object_cuboids(geometry, with_truth(sample), result, CONFIG)
+    assert found.nyu40 == 6
+    assert found.share > 0.95
+    np.testing.assert_allclose(found.center_m[:2], [2.0, 0.2], atol=0.04)
+    assert sorted(found.size_m[:2].round(2)) == pytest.approx([0.4, 0.6], abs=0.05)
+    assert found.center_m[2] + found.size_m[2] / 2 == pytest.approx(0.7, abs=0.03)
+    assert abs(np.sin(2 * (found.yaw - 0.3))) < 0.1  # modulo 90 degrees
+
+
+def test_no_estimate_and_no_prior_gives_none() -> None:
+    sample, _ = look(empty())
+    geometry = compute_depth_geometry(sample.frame, CONFIG)
+    assert geometry is not None
+    assert compute_free_space(geometry, no_estimate_of(sample), CONFIG) is None
