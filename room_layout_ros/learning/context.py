@@ -19,19 +19,39 @@ from ..core.labels import N_FACES, N_LABELS
 from ..core.layout import RoomCuboid
 from ..datasets.folder import FramesFolder
 from ..datasets.sample import good_samples
-from .context_table import ContextTable, collect_table
+from ..datasets.synthetic import NOISES
+from .context_table import SYNTHETIC_FIRST, ContextTable, collect_table, join_tables
+from .synthetic_frames import random_frames
 
 
 @dataclass(frozen=True, slots=True)
 class ContextSettings:
-    """How the forests are grown; found by cross-validation (docs/evidence.md has the table)."""
+    """How the forests are grown; found by cross-validation (docs/evidence.md has the table).
 
-    trees: int = 150
+    Attributes
+    ----------
+    trees, learning_rate, leaves : of the forest that tells structure from clutter.
+    face_trees, face_leaves : of the forest that tells the faces apart.
+    synthetic_frames : how many synthetic frames to learn from besides; colour of theirs is of little use without depth.
+    synthetic_weight : of a synthetic superpixel against a real one. synthetic_seed : of the rooms.
+    degraded_every : every how many-th frame is learned from a second time, with degraded depth.
+    seed : of the columns that each tree may look at and of the degraded depth.
+    """
+
+    trees: int = 120
     learning_rate: float = 0.1
     leaves: int = 24
     face_trees: int = 40
     face_leaves: int = 12
+    synthetic_frames: int = 480
+    synthetic_weight: float = 0.5
+    synthetic_seed: int = 5
+    degraded_every: int = 2
     seed: int = 0
+
+
+RGB_SETTINGS = ContextSettings(synthetic_frames=0)
+"""Without depth."""
 
 
 def train_context(
@@ -43,42 +63,82 @@ def train_context(
     margin: int = 5,
     settings: ContextSettings | None = None,
     cache: Path | None = None,
+    folds: int = 0,
+    facts: Mapping[str, Any] | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> ContextModel:
-    """Train on a folder of labelled frames and write the model.
+    """Train on a folder of labelled frames and write the model: the weights that ship are made by this call alone.
+
+    The same data, arguments and libraries give the same bytes.
 
     Parameters
     ----------
     source : frames with NYU40 labels.
-    rooms : fitted rooms by frame name (`room-layout fit`), for the names of walls.
+    rooms : fitted rooms by frame name (`learning.fit_frame.read_fits`), for the names of walls.
     out : file to write (.npz).
     config : `use_depth` False trains the RGB variant.
     held_out : numbers of frames to keep out, with all frames within `margin` of them.
+    settings : by default those that ship.
     cache : file for the table of features, reused when it exists.
+    folds : of the cross-validation whose errors go on the card, 0 for none; takes `folds` times as long.
+    facts : more for the card (command, date).
     """
-    settings = settings or ContextSettings()
+    settings = settings or (ContextSettings() if config.use_depth else RGB_SETTINGS)
     if cache is not None and cache.exists():
         table = ContextTable.load(cache)
     else:
         names = tuple(name for name in source.names if not _near(name, held_out, margin))
-        progress(f"features of {len(names)} frames")
-        table = collect_table(good_samples(source.subset(names)), rooms, config)
+        progress(f"features of {len(names)} frames and {settings.synthetic_frames} synthetic ones")
+        table = context_examples(source.subset(names), rooms, config, settings)
         if cache is not None:
             table.save(cache)
-    progress(f"growing trees on {len(table.frame)} superpixels")
-    model = grow(table, np.ones(len(table.frame), bool), settings)
     card: dict[str, Any] = {
-        "frames": len(np.unique(table.frame)),
+        "frames": len(np.unique(table.frame[table.variant >= 0])),
+        "synthetic": len(np.unique(table.frame[table.variant < 0])),
         "superpixels": len(table.frame),
         "source": source.path.name,
         "held_out": [int(n) for n in held_out],
         "margin": margin,
         "depth": config.use_depth,
         "settings": {name: getattr(settings, name) for name in settings.__slots__},
+        **(facts or {}),
     }
+    if folds:
+        progress(f"cross-validation in {folds} folds")
+        card["folds"] = folds
+        card["cross_validation"] = domain_errors(table, out_of_fold(table, settings, folds, margin))
+    progress(f"growing trees on {len(table.frame)} superpixels")
+    model = grow(table, np.ones(len(table.frame), bool), settings)
     model = ContextModel(model.names, model.structure, model.face, card)
     save_context(model, out)
     return model
+
+
+def context_examples(
+    source: FramesFolder, rooms: Mapping[str, RoomCuboid], config: EstimatorConfig, settings: ContextSettings
+) -> ContextTable:
+    """Collect the rows to learn from: real frames, the same with degraded depth, synthetic rooms."""
+    table = collect_table(good_samples(source), rooms, config, settings.degraded_every, settings.seed)
+    if settings.synthetic_frames == 0:
+        return table
+    samples = random_frames(settings.synthetic_frames, settings.synthetic_seed)
+    return join_tables([table, collect_table(samples, {}, config, degraded_every=0, synthetic=True)])
+
+
+def domain_errors(table: ContextTable, probability: NDArray[np.float64]) -> dict[str, dict[str, float]]:
+    """Errors in percent of real, degraded and synthetic frames; rows without a probability (NaN) are left out."""
+    done = np.isfinite(probability[:, 0])
+    named = table.labels[:, 1:].sum(axis=1) > 0
+    domains = {"real": table.variant == 0, "degraded": table.variant > 0}
+    for k, noise in enumerate(NOISES):
+        domains[f"synthetic_{noise}"] = (table.variant < 0) & ((table.frame - SYNTHETIC_FIRST) % len(NOISES) == k)
+    errors = {}
+    for name, rows in domains.items():
+        if (rows & done).any():
+            errors[name] = {"structure": round(100.0 * structure_error(table, probability, rows & done), 2)}
+        if (rows & done & named).any():
+            errors[name]["labels"] = round(100.0 * label_error(table, probability, rows & done), 2)
+    return errors
 
 
 def _near(name: str, held_out: tuple[int, ...], margin: int) -> bool:
@@ -88,14 +148,23 @@ def _near(name: str, held_out: tuple[int, ...], margin: int) -> bool:
 def grow(table: ContextTable, rows: NDArray[np.bool_], settings: ContextSettings) -> ContextModel:
     """Grow both forests on the rows given.
 
-    A superpixel weighs as much as it has labelled pixels, and less the more mixed it is.
+    A superpixel weighs as much as it has labelled pixels, and less the more mixed it is. One thread: the order in which
+    threads add up would show in the last digits.
     """
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, "openmp"):
+        return _grow(table, rows, settings)
+
+
+def _grow(table: ContextTable, rows: NDArray[np.bool_], settings: ContextSettings) -> ContextModel:
     from sklearn.ensemble import HistGradientBoostingClassifier
 
     pixels = np.maximum(table.pixels, 1.0)
     share = table.structure / pixels
     weight = table.pixels / 1500.0 * np.abs(2.0 * share - 1.0)
     use = rows & (weight > 0.05)
+    weight *= np.where(table.variant < 0, settings.synthetic_weight, 1.0)
     common: dict[str, Any] = {"max_features": 0.4, "early_stopping": False, "random_state": settings.seed}
     structure = HistGradientBoostingClassifier(
         max_iter=settings.trees,
@@ -159,10 +228,20 @@ def export_forest(classifier: Any, outputs: int) -> Forest:
 def block_folds(
     frame: NDArray[np.int64], folds: int, margin: int
 ) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
-    """Yield (train, validate) row masks: contiguous blocks of frame numbers, `margin` numbers apart."""
-    for block in np.array_split(np.unique(frame), folds):
-        validate = (frame >= block[0]) & (frame <= block[-1])
-        yield (frame < block[0] - margin) | (frame > block[-1] + margin), validate
+    """Yield (train, validate) row masks: contiguous blocks of frame numbers, `margin` numbers apart.
+
+    Synthetic frames are blocks of their own: each fold has its share of both kinds.
+    """
+    numbers = np.unique(frame)
+    real = np.array_split(numbers[numbers < SYNTHETIC_FIRST], folds)
+    synthetic = np.array_split(numbers[numbers >= SYNTHETIC_FIRST], folds)
+    for blocks in zip(real, synthetic, strict=True):
+        train, validate = np.ones(len(frame), bool), np.zeros(len(frame), bool)
+        for block in blocks:
+            if len(block):
+                validate |= (frame >= block[0]) & (frame <= block[-1])
+                train &= (frame < block[0] - margin) | (frame > block[-1] + margin)
+        yield train, validate
 
 
 def out_of_fold(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -34,7 +34,7 @@ class ContextTable:
     features : (n, F) float32 and names. labels : (n, 7) float32 pixels per label id; walls (3..5) only where the
         room of the frame is known, otherwise structure stands under 0. structure : (n,) float32 structural pixels.
     classes : (n, 41) float32 pixels per NYU40 id. frame : (n,) int64 number of the frame (blocks and margins
-        of cross-validation are in it). variant : (n,) int8, 0 as recorded, 1.. degraded.
+        of cross-validation are in it). variant : (n,) int8, 0 as recorded, 1.. degraded, -1 synthetic.
     """
 
     features: NDArray[np.float32]
@@ -63,12 +63,32 @@ class ContextTable:
             return cls(names=tuple(str(name) for name in archive["names"]), **arrays)
 
 
+SYNTHETIC_FIRST = 1_000_000
+"""Number of the first synthetic frame in a table."""
+
+
+def join_tables(tables: Sequence[ContextTable]) -> ContextTable:
+    """Put tables of the same features one below the other.
+
+    Raises
+    ------
+    ValueError
+        When their features differ.
+    """
+    if len({table.names for table in tables}) != 1:
+        raise ValueError(f"{len(tables)} tables have different features; one set of names is needed")
+    fields = (name for name in ContextTable.__slots__ if name != "names")
+    arrays = {name: np.concatenate([getattr(table, name) for table in tables]) for name in fields}
+    return ContextTable(names=tables[0].names, **arrays)
+
+
 def collect_table(
     samples: Iterable[Sample],
     rooms: Mapping[str, RoomCuboid],
     config: EstimatorConfig,
-    degraded: int = 1,
+    degraded_every: int = 1,
     seed: int = 0,
+    synthetic: bool = False,
 ) -> ContextTable:
     """Compute features and truth of labelled frames; `config.use_depth` decides between RGB-D and RGB.
 
@@ -76,14 +96,19 @@ def collect_table(
     ----------
     samples : with NYU40 labels; others are left out. The frame's number is its name where that is one.
     rooms : fitted rooms by frame name; a frame without one teaches structure against clutter only.
-    degraded : how many further versions of each frame get their depth degraded (`degrade_depth`); 0 without depth.
+    degraded_every : every how many-th frame (by its number) comes a second time with degraded depth
+        (`degrade_depth`), if there is depth; 0 for none.
+    synthetic : the samples are synthetic: their rooms are known, their numbers start at `SYNTHETIC_FIRST`.
     """
     parts: list[tuple[SuperpixelFeatures, NDArray[np.float32], NDArray[np.float32], int, int]] = []
     for ordinal, sample in enumerate(samples):
         if sample.truth is None or sample.truth.labels40 is None:
             continue
         number = int(sample.name) if sample.name.isdigit() else ordinal
-        for variant in range(1 + (degraded if config.use_depth else 0)):
+        number += SYNTHETIC_FIRST if synthetic else 0
+        room = sample.truth.cuboid if synthetic else rooms.get(sample.name)
+        twice = config.use_depth and degraded_every > 0 and number % degraded_every == 0
+        for variant in range(1 + twice):
             frame = sample.frame
             if variant and frame.depth_m is not None:
                 rng = np.random.default_rng((seed, number, variant))
@@ -94,10 +119,10 @@ def collect_table(
             superpixels, R, features = described
             classes = class_histogram(superpixels.index, superpixels.count, sample.truth.labels40)
             labels = np.zeros((superpixels.count, 7), np.float32)
-            if (room := rooms.get(sample.name)) is not None:
+            if room is not None:
                 truth = true_labels(room, room.raster(frame.camera), sample.truth.labels40, R)
                 labels = label_histogram(superpixels.index, superpixels.count, truth)
-            parts.append((features, labels, classes, number, variant))
+            parts.append((features, labels, classes, number, -1 if synthetic else variant))
     return _stack(parts)
 
 

@@ -12,9 +12,13 @@ from ..frame import CameraIntrinsics
 from ..lines import LineSegments
 from ..superpixels import Superpixels
 from . import pixel_statistics as ps
+from .color_regions import compute_color_regions
 from .depth_cues import superpixel_planes
+from .plane_reach import COLUMNS as REACH_COLUMNS
+from .plane_reach import compute_plane_reach
 from .plane_segments import PlaneSegments, compute_plane_segments
 from .room_extents import BEYOND_STEP_M, RoomExtents, azimuth_bin, compute_room_extents
+from .texture import compute_texture
 
 Columns = dict[str, NDArray[np.floating]]
 
@@ -76,6 +80,9 @@ def compute_superpixel_features(
     if inverse_depth is not None:
         extents = compute_room_extents(inverse_depth, R_room_camera, camera)
         columns |= _depth(superpixels, sums, bounds, extents, R_room_camera, camera)
+    else:
+        columns |= compute_texture(superpixels.index, superpixels.count, color)
+        columns |= compute_color_regions(superpixels, columns, bounds, camera)
     _add_surroundings(columns, superpixels)
     columns |= look_around(columns, camera.height / camera.width)
     return SuperpixelFeatures(np.stack(list(columns.values()), axis=1).astype(np.float32), tuple(columns))
@@ -228,7 +235,35 @@ def _depth(
     for k, name in enumerate(("farther", "nearer", "coplanar", "concave", "convex")):
         columns[f"border_{name}"] = segments.border[:, k]
     columns |= _plane_columns(superpixels, segments, point, normal, room_low, room_high, bounds, extents, camera)
+    columns |= _plane_reach(superpixels, segments, point, normal, bounds, extents)
     return columns
+
+
+def _plane_reach(
+    superpixels: Superpixels,
+    segments: PlaneSegments,
+    point: NDArray[np.float64],
+    normal: NDArray[np.float64],
+    bounds: NDArray[np.float32],
+    extents: RoomExtents,
+) -> Columns:
+    """What lies beyond the mean plane of the segment each superpixel belongs to."""
+    segment, count = segments.segment, segments.count
+    flat = np.isfinite(normal[:, 0]) & np.isfinite(point[:, 0])
+    area = np.where(flat, superpixels.pixels, 0.0)
+    values = np.nan_to_num(np.concatenate([normal, point], axis=1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sums = np.stack([np.bincount(segment, area * value, count) for value in values.T], axis=1)
+        mean = sums / np.bincount(segment, area, count)[:, None]
+        unit = mean[:, :3] / np.linalg.norm(mean[:, :3], axis=1, keepdims=True)
+    planes = np.concatenate([unit, (unit * mean[:, 3:]).sum(axis=1, keepdims=True)], axis=1)
+    boxes = np.empty((count, 4))
+    boxes[:, 0::2], boxes[:, 1::2] = np.inf, -np.inf
+    for k in range(4):
+        (np.fmax if k % 2 else np.fmin).at(boxes[:, k], segment, bounds[:, k].astype(np.float64))
+    boxes[~np.isfinite(boxes)] = 0.0
+    reach = compute_plane_reach(extents.cells, extents.low, extents.high, planes, boxes)[segment]
+    return {name: reach[:, k] for k, name in enumerate(REACH_COLUMNS)}
 
 
 def _reach(point: NDArray[np.float64], normal: NDArray[np.float64], extents: RoomExtents) -> Columns:

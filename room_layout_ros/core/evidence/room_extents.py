@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..frame import CameraIntrinsics
 
-_CELL_PX = 8
+CELL_PX = 8
 _BINS = 120
 """Azimuth bins of 3 degrees: wide enough that a few cells fall into each."""
 
@@ -29,12 +29,15 @@ class RoomExtents:
         Largest horizontal distance from the camera seen in each azimuth bin, 0 where nothing was measured.
     beyond : (3, 2, 64) float32
         Share of the cells farther out than d_k = k * 0.15 m along the negative and the positive axis.
+    cells : (rows, cols, 3) float32
+        Mean points of the cells of `CELL_PX` in room axes, m; NaN where not measured.
     """
 
     low: NDArray[np.float64]
     high: NDArray[np.float64]
     farthest: NDArray[np.float32]
     beyond: NDArray[np.float32]
+    cells: NDArray[np.float32]
 
 
 BEYOND_STEP_M = 0.15
@@ -45,13 +48,13 @@ def compute_room_extents(
 ) -> RoomExtents:
     """Measure the scene's reach on 8-pixel cells (their mean is less noisy than a pixel)."""
     matrix = np.ascontiguousarray(R_room_camera @ np.linalg.inv(camera.matrix))
-    points = _cell_points(inverse_depth, matrix)
+    points, cells = _cell_points(inverse_depth, matrix)
     if len(points) == 0:
         nan = np.full(3, np.nan)
-        return RoomExtents(nan, nan, np.zeros(_BINS, np.float32), np.zeros((3, 2, 64), np.float32))
+        return RoomExtents(nan, nan, np.zeros(_BINS, np.float32), np.zeros((3, 2, 64), np.float32), cells)
     low, high = np.quantile(points, [LOW_QUANTILE, HIGH_QUANTILE], axis=0)
     farthest, beyond = _reach(points)
-    return RoomExtents(low, high, farthest, beyond)
+    return RoomExtents(low, high, farthest, beyond, cells)
 
 
 def azimuth_bin(x: NDArray[np.float64], z: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -62,14 +65,15 @@ def azimuth_bin(x: NDArray[np.float64], z: NDArray[np.float64]) -> NDArray[np.in
 @njit(cache=True, nogil=True)
 def _cell_points(inverse, matrix):  # type: ignore[no-untyped-def]
     height, width = inverse.shape
-    rows, cols = height // _CELL_PX, width // _CELL_PX
+    rows, cols = height // CELL_PX, width // CELL_PX
     points = np.empty((rows * cols, 3))
+    cells = np.full((rows, cols, 3), np.nan, np.float32)
     n = 0
     for row in range(rows):
         for col in range(cols):
             total, seen = 0.0, 0
-            for y in range(row * _CELL_PX, (row + 1) * _CELL_PX, 2):
-                for x in range(col * _CELL_PX, (col + 1) * _CELL_PX, 2):
+            for y in range(row * CELL_PX, (row + 1) * CELL_PX, 2):
+                for x in range(col * CELL_PX, (col + 1) * CELL_PX, 2):
                     w = inverse[y, x]
                     if w > 0:
                         total += w
@@ -77,11 +81,12 @@ def _cell_points(inverse, matrix):  # type: ignore[no-untyped-def]
             if seen < 6:
                 continue
             z = seen / total
-            px, py = (col + 0.5) * _CELL_PX - 0.5, (row + 0.5) * _CELL_PX - 0.5
+            px, py = (col + 0.5) * CELL_PX - 0.5, (row + 0.5) * CELL_PX - 0.5
             for k in range(3):
                 points[n, k] = (matrix[k, 0] * px + matrix[k, 1] * py + matrix[k, 2]) * z
+                cells[row, col, k] = points[n, k]
             n += 1
-    return points[:n]
+    return points[:n], cells
 
 
 @njit(cache=True, nogil=True)

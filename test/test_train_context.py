@@ -1,0 +1,138 @@
+"""Training of the context classifier end to end, on a folder of a few small frames."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from frames_on_disk import write_folder
+
+pytest.importorskip("sklearn")
+
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.evidence.features import SuperpixelFeatures
+from room_layout_ros.core.evidence.geometric_context import compute_geometric_context, load_context
+from room_layout_ros.core.frame import CameraIntrinsics
+from room_layout_ros.core.layout import RoomCuboid
+from room_layout_ros.datasets import Sample
+from room_layout_ros.datasets.folder import FramesFolder, open_folder
+from room_layout_ros.datasets.sample import good_samples
+from room_layout_ros.datasets.synthetic import SyntheticSource
+from room_layout_ros.learning.context import (
+    ContextSettings,
+    block_folds,
+    domain_errors,
+    structure_error,
+    train_context,
+)
+from room_layout_ros.learning.context_table import SYNTHETIC_FIRST, ContextTable, collect_table, join_tables
+from room_layout_ros.learning.synthetic_frames import random_frames
+
+CONFIG = EstimatorConfig(superpixel_count=70)
+CAMERA = CameraIntrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)
+SETTINGS = ContextSettings(
+    trees=8, leaves=8, face_trees=3, face_leaves=6, learning_rate=0.3, synthetic_frames=4, degraded_every=2
+)
+Folder = tuple[FramesFolder, dict[str, RoomCuboid]]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    """Frames 0010, 0020, ... of synthetic rooms in the place of recorded ones, and their rooms."""
+    samples: list[Sample] = []
+    rooms: dict[str, RoomCuboid] = {}
+    for i, sample in enumerate(good_samples(SyntheticSource(8, 3, noise="kinect", walk=False, camera=CAMERA))):
+        name = f"{10 * (i + 1):04d}"
+        samples.append(replace(sample, frame=replace(sample.frame, name=name)))
+        assert sample.truth is not None
+        assert sample.truth.cuboid is not None
+        rooms[name] = sample.truth.cuboid
+    return open_folder(write_folder(tmp_path_factory.mktemp("frames") / "f", samples)), rooms
+
+
+@pytest.fixture(scope="module")
+def trained(folder: Folder, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Return two files, written by two calls."""
+    paths = tmp_path_factory.mktemp("models") / "a.npz", tmp_path_factory.mktemp("models") / "b.npz"
+    for path in paths:
+        train_context(*folder, path, CONFIG, (40,), settings=SETTINGS, folds=2, facts={"date": "2013-12-01"})
+    return paths
+
+
+def test_one_call_makes_the_same_file_twice_and_it_says_what_it_is(trained: tuple[Path, Path]) -> None:
+    assert trained[0].read_bytes() == trained[1].read_bytes()
+    model = load_context(trained[0])
+    assert model.card["frames"] == 7  # 40 is held out
+    assert model.card["synthetic"] == 4
+    assert model.card["date"] == "2013-12-01"
+    assert set(model.card["cross_validation"]) >= {"real", "degraded", "synthetic_clean", "synthetic_nyu8"}
+    assert 0.0 < model.card["cross_validation"]["real"]["structure"] < 45.0
+
+
+def test_the_model_learned_something_about_a_frame_held_out(folder: Folder, trained: tuple[Path, Path]) -> None:
+    source, rooms = folder
+    model = load_context(trained[0])
+    table = collect_table(good_samples(source.subset(("0040",))), rooms, CONFIG, degraded_every=0)
+    context = compute_geometric_context(SuperpixelFeatures(table.features, table.names), model)
+    every = np.ones(len(table.frame), bool)
+    majority = np.zeros_like(context)
+    majority[:, 1 if table.structure.sum() > table.pixels.sum() / 2 else 5] = 1.0
+    assert structure_error(table, context, every) < 0.8 * structure_error(table, majority, every)
+
+
+def test_a_cache_of_the_table_gives_the_same_model(folder: Folder, tmp_path: Path) -> None:
+    source, rooms = folder
+    config, settings = replace(CONFIG, use_depth=False), replace(SETTINGS, synthetic_frames=0)
+    cache = tmp_path / "table.npz"
+    for name in ("a.npz", "b.npz"):
+        train_context(source, rooms, tmp_path / name, config, settings=settings, cache=cache)
+        assert cache.exists()
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_every_second_frame_comes_again_with_other_depth(folder: Folder) -> None:
+    source, rooms = folder
+    few = source.subset(("0010", "0020"))
+    table = collect_table(good_samples(few), rooms, CONFIG, degraded_every=20)
+    assert set(table.frame[table.variant == 1]) == {20}
+    assert set(table.frame[table.variant == 0]) == {10, 20}
+
+
+def test_folds_are_blocks_apart_and_synthetic_frames_have_their_own() -> None:
+    frame = np.array([1, 2, 8, 20, 21, 30, SYNTHETIC_FIRST, SYNTHETIC_FIRST + 1, SYNTHETIC_FIRST + 9])
+    folds = list(block_folds(frame, 2, 5))
+    assert (folds[0][1] | folds[1][1]).all()
+    assert not (folds[0][1] & folds[1][1]).any()
+    assert folds[0][1].tolist() == [True, True, True, False, False, False, True, True, False]
+    for train, validate in folds:
+        assert np.abs(frame[train][:, None] - frame[validate]).min() > 5
+    # the margin keeps synthetic neighbours apart too
+    assert not folds[1][0][7] or abs(frame[7] - frame[8]) > 5
+
+
+def test_random_rooms_are_the_same_for_every_count_and_differ_by_seed() -> None:
+    three, two = list(random_frames(3, 1)), list(random_frames(2, 1))
+    other = next(iter(random_frames(1, 2)))
+    for a, b in zip(three, two, strict=False):
+        assert a.frame.color is not None
+        assert np.array_equal(a.frame.color, b.frame.color)  # type: ignore[arg-type]
+        assert a.frame.camera == b.frame.camera
+    assert other.frame.color is not None
+    assert not np.array_equal(other.frame.color, three[0].frame.color)  # type: ignore[arg-type]
+
+
+def test_tables_of_other_features_are_not_joined(folder: Folder) -> None:
+    source, rooms = folder
+    table = collect_table(good_samples(source.subset(("0010",))), rooms, CONFIG, degraded_every=0)
+    renamed = ContextTable(
+        names=("other", *table.names[1:]),
+        **{name: getattr(table, name) for name in ContextTable.__slots__ if name != "names"},
+    )
+    with pytest.raises(ValueError, match="different features"):
+        join_tables([table, renamed])
+    both = join_tables([table, table])
+    assert len(both.frame) == 2 * len(table.frame)
+    errors = domain_errors(both, np.eye(6)[np.zeros(len(both.frame), int)])
+    assert set(errors) == {"real"}
