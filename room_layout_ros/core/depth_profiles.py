@@ -23,6 +23,9 @@ _STEP = float(np.log(FARTHEST_M / NEAREST_M) / (N_OFFSETS - 1))
 _LOG_OFFSETS = np.log(NEAREST_M) + _STEP * np.arange(N_OFFSETS)
 OFFSETS: NDArray[np.float64] = np.exp(_LOG_OFFSETS)
 """Distances in m at which profiles are sampled."""
+_FIRST_STEP_M = 0.004
+_FIRST = np.searchsorted(OFFSETS, np.arange(0.0, FARTHEST_M + 1.0, _FIRST_STEP_M)).astype(np.uint16)
+"""First offset that is not below 0, 4, 8... mm: where the search for one begins."""
 _TOLERANCE_M = 0.03
 """Unevenness of real walls, on top of the sensor's noise."""
 
@@ -71,7 +74,7 @@ def compute_depth_profiles(
         Candidates for the distance of the front wall: the strongest peaks of its support, then an even spread.
     """
     support, violation = _profiles(
-        points, agreement, structure, sigma, FACE_AXIS, FACE_SIGN, OFFSETS, np.log(NEAREST_M), _STEP, _TOLERANCE_M
+        points, agreement, structure, sigma, FACE_AXIS, FACE_SIGN, OFFSETS, _FIRST, _FIRST_STEP_M, _TOLERANCE_M
     )
     front = FRONT_WALL - 1
     scales = _scales(OFFSETS, support[front] - violation[front], support[front], scale_count)
@@ -130,8 +133,8 @@ def read_curve_at(curve, absent, position):  # type: ignore[no-untyped-def]
     return (1.0 - part) * curve[low] + part * curve[low + 1]
 
 
-@njit(cache=True, nogil=True)
-def _profiles(points, agreement, structure, sigma, face_axis, face_sign, offsets, start, step, tolerance):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model="numpy")
+def _profiles(points, agreement, structure, sigma, face_axis, face_sign, offsets, first, step, tolerance):  # type: ignore[no-untyped-def]
     n = len(offsets)
     support = np.zeros((5, n))
     violation = np.zeros((5, n))
@@ -148,10 +151,13 @@ def _profiles(points, agreement, structure, sigma, face_axis, face_sign, offsets
                 continue
             weight = share * agreement[c, axis] * structure[c, k]
             near = offset - width
-            b = 0 if near <= offsets[0] else min(n, int(np.ceil((np.log(near) - start) / step)))
+            b = int(first[min(int(max(near, 0.0) / step), len(first) - 1)])
+            while b < n and offsets[b] < near:
+                b += 1
             whole[k, b] += share
+            per_width = 1.0 / width
             while b < n and offsets[b] < offset + width:  # a triangle of support; violation falls off across the cell
-                gap = (offsets[b] - offset) / width
+                gap = (offsets[b] - offset) * per_width
                 support[k, b] += weight * (1.0 - abs(gap))
                 if gap < 0.0:
                     violation[k, b] += share * gap * gap

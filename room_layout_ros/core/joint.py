@@ -21,7 +21,7 @@ from .energies import (
 )
 from .frame import CameraIntrinsics
 from .integral_geometry import PairTables, pair_tables
-from .joint_problem import FrameEvidence, build_joint_problem
+from .joint_problem import FrameEvidence, build_joint_problem, gather_parts
 from .labelling import Labelling, LabelSolver
 from .labels import FRONT_WALL, N_FACES, N_LABELS
 from .layout import RoomCuboid
@@ -134,10 +134,11 @@ def estimate_joint(
     )
     best: tuple[int, _Alternation, _State] | None = None
     energies: list[float] = []
+    parts = gather_parts(superpixels, geometry, config)
     for index, evidence in enumerate(hypotheses):
         if best is not None and expired():
             break
-        problem = build_joint_problem(camera, superpixels, evidence, geometry, config)
+        problem = build_joint_problem(camera, superpixels, evidence, geometry, config, parts=parts)
         solver = _Alternation(problem, weights, config, expired, None)
         state = solver.search()
         energies.append(state.energy)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .cell_counts import count_cells, keep_atoms
+from .cell_counts import CellCounts, count_samples, keep_atoms, sample_lattice
 from .config import EstimatorConfig
-from .depth import DepthGeometry
-from .depth_layout import gather_evidence
+from .depth import CELL_PX, DepthGeometry
+from .depth_cells import DepthCells, gather_depth_cells
 from .depth_profiles import DepthProfiles, compute_depth_profiles
 from .energies import ExtraCosts, JointProblem
 from .frame import CameraIntrinsics
@@ -20,6 +20,8 @@ from .ray_grid import compute_ray_grid
 from .superpixels import Superpixels
 
 _N_ORIENTATIONS = N_FACES + 1
+_ONE_HOT = np.eye(_N_ORIENTATIONS)[:, 1:]
+"""Rows: no orientation, then the faces."""
 _TOLERANCE_M, _SPAN_M = 0.03, 0.30
 """A superpixel is fully above another when it is this much and more above it."""
 _TOLERANCE_SLOPE, _SPAN_SLOPE = 0.02, 0.20
@@ -48,6 +50,38 @@ class FrameEvidence:
     depth_cues: NDArray[np.float64] | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class SharedParts:
+    """What is the same under every naming of the axes: gathered once per frame.
+
+    Attributes
+    ----------
+    index : (H, n) int32 superpixel of the pixels that are counted, -1 beyond the image.
+    contact, smoothness : of `JointProblem`.
+    cells : DepthCells, None without depth. cell_superpixel : (cells,) int32.
+    """
+
+    index: NDArray[np.int32]
+    contact: NDArray[np.float64]
+    smoothness: NDArray[np.float64]
+    cells: DepthCells | None
+    cell_superpixel: NDArray[np.int32]
+
+
+def gather_parts(superpixels: Superpixels, geometry: DepthGeometry | None, config: EstimatorConfig) -> SharedParts:
+    """Gather what does not depend on the axes."""
+    size, count = superpixels.index.size, superpixels.count
+    rows, columns = (n // CELL_PX for n in superpixels.index.shape)
+    centre = superpixels.index[CELL_PX // 2 :: CELL_PX, CELL_PX // 2 :: CELL_PX][:rows, :columns]
+    return SharedParts(
+        index=sample_lattice(superpixels.index, config.layout_pixel_step),
+        contact=superpixels.edge_length * np.sqrt(size / count) / size,
+        smoothness=_smoothness(superpixels, geometry is not None),
+        cells=None if geometry is None else gather_depth_cells(geometry),
+        cell_superpixel=centre.ravel(),
+    )
+
+
 def build_joint_problem(
     camera: CameraIntrinsics,
     superpixels: Superpixels,
@@ -55,6 +89,7 @@ def build_joint_problem(
     geometry: DepthGeometry | None,
     config: EstimatorConfig,
     regions: NDArray[np.uint8] | None = None,
+    parts: SharedParts | None = None,
 ) -> JointProblem:
     """Collect all terms of the joint energy.
 
@@ -69,27 +104,18 @@ def build_joint_problem(
         `layout_rays`, `layout_angle_bins`, `layout_pixel_step`, `layout_scales`.
     regions : (H, W) uint8, 0..5, optional
         A further division of the atoms, kept as `atom_region`: the true layout, for the loss in learning.
+    parts : SharedParts, optional
+        Of the same superpixels, geometry and settings, to save gathering them again.
 
     Raises
     ------
     ValueError
         When an array does not fit the image or the superpixels.
     """
-    K = superpixels.count
-    atoms, per_superpixel = superpixels.index, 1
-    for image in (evidence.orientation, regions):
-        if image is not None:
-            if image.shape != atoms.shape or image.dtype != np.uint8:
-                raise ValueError(f"evidence image is {image.dtype} {image.shape}; uint8 {atoms.shape} is needed")
-            atoms = atoms * np.int32(_N_ORIENTATIONS) + image
-            per_superpixel *= _N_ORIENTATIONS
-    R = evidence.R_room_camera
-    grid = compute_ray_grid(camera, R, config.layout_rays, config.layout_angle_bins)
-    counts = count_cells(grid, atoms, K * per_superpixel, config.layout_pixel_step)
-    held = counts.pixels > 0
-    counts = keep_atoms(counts, held)
-    number = np.flatnonzero(held)
-    region = (number % _N_ORIENTATIONS if regions is not None else np.zeros_like(number)).astype(np.uint8)
+    K, R = superpixels.count, evidence.R_room_camera
+    parts = parts or gather_parts(superpixels, geometry, config)
+    counts, number, per_superpixel = _count_atoms(camera, superpixels, evidence, parts, config, regions)
+    region = number % _N_ORIENTATIONS if regions is not None else np.zeros_like(number)
     of_orientation = number // _N_ORIENTATIONS if regions is not None else number
     orientation = of_orientation % _N_ORIENTATIONS if evidence.orientation is not None else np.zeros_like(number)
     atom_superpixel = (number // per_superpixel).astype(np.int32)
@@ -97,33 +123,49 @@ def build_joint_problem(
     context = (
         np.full((K, N_LABELS), 1.0 / N_LABELS) if evidence.context is None else np.asarray(evidence.context, np.float64)
     )
-    orientation_map = np.eye(_N_ORIENTATIONS)[orientation, 1:]
-    weight = np.bincount(atom_superpixel, counts.pixels, K)
-    of_label = (
-        np.stack(
-            [np.bincount(atom_superpixel, counts.pixels * orientation_map[:, k], K) for k in range(N_FACES)], axis=1
-        )
-        / np.maximum(weight, 1.0)[:, None]
-    )
+    held = np.bincount(atom_superpixel * _N_ORIENTATIONS + orientation, counts.pixels, K * _N_ORIENTATIONS)
+    held = held.reshape(K, _N_ORIENTATIONS)
     cues = np.zeros((K, 12)) if evidence.depth_cues is None else np.asarray(evidence.depth_cues, np.float64)
-    cues = np.minimum(cues, _MAX_CUE_M)  # cosines are below it
-    with_depth = geometry is not None
     return JointProblem(
         counts=counts,
         atom_superpixel=atom_superpixel,
-        atom_feature=np.concatenate([orientation_map, context[atom_superpixel]], axis=1),
-        atom_region=region,
+        atom_feature=np.concatenate([_ONE_HOT[orientation], context[atom_superpixel]], axis=1),
+        atom_region=region.astype(np.uint8),
         label_gc=context,
-        label_om=of_label,
-        label_depth=cues if with_depth else np.zeros((K, 12)),
+        label_om=held[:, 1:] / np.maximum(held.sum(axis=1), 1.0)[:, None],
+        label_depth=np.minimum(cues, _MAX_CUE_M) if geometry is not None else np.zeros((K, 12)),  # cosines are below it
         edges=superpixels.edges,
-        contact=superpixels.edge_length * np.sqrt(superpixels.index.size / K) / superpixels.index.size,
-        relation=compute_relations(camera, superpixels, R, with_depth),
-        smoothness=_smoothness(superpixels, with_depth),
-        profiles=None if geometry is None else _profiles(geometry, R, context, superpixels, config),
+        contact=parts.contact,
+        relation=compute_relations(camera, superpixels, R, geometry is not None),
+        smoothness=parts.smoothness,
+        profiles=None if parts.cells is None else _profiles(parts.cells, R, context, parts.cell_superpixel, config),
         fit=None if geometry is None else compute_plane_fit(camera, superpixels, R),
         front_axis=float(1.0 - R[2, 2]),
     )
+
+
+def _count_atoms(
+    camera: CameraIntrinsics,
+    superpixels: Superpixels,
+    evidence: FrameEvidence,
+    parts: SharedParts,
+    config: EstimatorConfig,
+    regions: NDArray[np.uint8] | None,
+) -> tuple[CellCounts, NDArray[np.intp], int]:
+    """Counts of the atoms that have a pixel, their numbers, and how many numbers a superpixel has."""
+    atoms, per_superpixel = parts.index, 1
+    for image in (evidence.orientation, regions):
+        if image is not None:
+            if image.shape != superpixels.index.shape or image.dtype != np.uint8:
+                raise ValueError(
+                    f"evidence image is {image.dtype} {image.shape}; uint8 {superpixels.index.shape} is needed"
+                )
+            atoms = atoms * np.int32(_N_ORIENTATIONS) + sample_lattice(image, config.layout_pixel_step)
+            per_superpixel *= _N_ORIENTATIONS
+    grid = compute_ray_grid(camera, evidence.R_room_camera, config.layout_rays, config.layout_angle_bins)
+    counts = count_samples(grid, atoms, superpixels.count * per_superpixel, config.layout_pixel_step)
+    held = counts.pixels > 0
+    return keep_atoms(counts, held), np.flatnonzero(held), per_superpixel
 
 
 def compute_relations(
@@ -174,21 +216,17 @@ def _plane_gap(superpixels: Superpixels, i: NDArray[np.int32], j: NDArray[np.int
 
 
 def _profiles(
-    geometry: DepthGeometry,
+    cells: DepthCells,
     R: NDArray[np.float64],
     context: NDArray[np.float64],
-    superpixels: Superpixels,
+    cell_superpixel: NDArray[np.int32],
     config: EstimatorConfig,
 ) -> DepthProfiles:
     """Profiles of the cells; a cell counts for a face as far as the context lets its superpixel be structure."""
-    cells = gather_evidence(geometry, R)
-    rows, cols, _ = geometry.moments.shape
-    size = superpixels.index.shape[0] // rows
-    centre = superpixels.index[size // 2 :: size, size // 2 :: size][:rows, :cols]
-    structure = np.clip(2.0 * context[centre.ravel(), :N_FACES], 0.0, 1.0)
+    structure = np.clip(2.0 * context[:, :N_FACES], 0.0, 1.0)
     if np.ptp(context) == 0.0:  # nothing known
         structure = np.ones_like(structure)
-    return compute_depth_profiles(cells.points, cells.agreement, structure, cells.sigma, config.layout_scales)
+    return compute_depth_profiles(*cells.turned(R), structure[cell_superpixel], cells.sigma, config.layout_scales)
 
 
 def loss_costs(problem: JointProblem, label_truth: NDArray[np.float64], layout_share: float = 1.0) -> ExtraCosts:

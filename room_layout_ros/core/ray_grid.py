@@ -136,38 +136,38 @@ def compute_ray_grid(
     if not 2 <= rays <= 400 or not 8 <= angle_bins <= 4096:
         raise ValueError(f"ray grid of {rays} rays and {angle_bins} angle bins; allowed are 2 to 400 and 8 to 4096")
     R = np.asarray(R_room_camera, dtype=np.float64)
-    if R.shape != (3, 3) or not np.allclose(R @ R.T, np.eye(3), atol=1e-6):
+    if R.shape != (3, 3) or not np.abs(R @ R.T - np.eye(3)).max() < 1e-6:
         raise ValueError(f"R_room_camera is {R.tolist()}; it must be a rotation matrix")
-    dx, dy, dz = _sample_rays(camera, R)
-    horizontal, vertical = np.abs(dx), np.abs(dy)
-    masks = (dy < 0, dy >= 0, dx < 0, dx >= 0)
-    sides = [
-        _side_states(magnitude[mask], dz[mask], 2 * rays * int(np.count_nonzero(mask)) // mask.size)
-        for mask, magnitude in zip(masks, (vertical, vertical, horizontal, horizontal), strict=True)
-    ]
-    angle = horizontal / np.maximum(horizontal + vertical, 1e-12)
-    quadrant = 2 * masks[1] + masks[3]
-    edges = [_angle_edges(angle[quadrant == q], angle_bins, angle.size) for q in range(N_QUADRANTS)]
-    widest = max(len(e) for e in edges)
-    slopes = np.full((N_QUADRANTS, widest - 1), np.inf)
-    padded = np.ones((N_QUADRANTS, widest))
-    for q, e in enumerate(edges):
-        padded[q, : len(e)] = e
-        slopes[q, : len(e) - 1] = e[:-1] / (1.0 - e[:-1])
-    states = np.full((N_SIDES, max(len(s) for s in sides)), np.inf)
-    for side, s in enumerate(sides):
-        states[side, : len(s)] = s
-    corners = [
-        _corners(sides[QUADRANT_VERTICAL[q]], sides[QUADRANT_HORIZONTAL[q]], edges[q]) for q in range(N_QUADRANTS)
-    ]
+    magnitudes, seen, angles, in_quadrant, on_side = _sample_rays(
+        R @ np.linalg.inv(camera.matrix), camera.width, camera.height
+    )
+    for side in range(N_SIDES):
+        magnitudes[side, : seen[side]].sort()
+    for q in range(N_QUADRANTS):
+        angles[q, : in_quadrant[q]].sort()
+    states, state_counts = _place_states(magnitudes, seen, 2 * rays * on_side // _SAMPLES**2)
+    edges, bin_counts = _place_edges(angles, in_quadrant, angle_bins)
+    slopes = np.full((N_QUADRANTS, edges.shape[1] - 1), np.inf)
+    corners = []
+    for q in range(N_QUADRANTS):
+        n = int(bin_counts[q])
+        slopes[q, :n] = edges[q, :n] / (1.0 - edges[q, :n])
+        vertical, horizontal = QUADRANT_VERTICAL[q], QUADRANT_HORIZONTAL[q]
+        corners.append(
+            _corners(
+                states[vertical, : state_counts[vertical]],
+                states[horizontal, : state_counts[horizontal]],
+                edges[q, : n + 1],
+            )
+        )
     return RayGrid(
         camera=camera,
         R_room_camera=R,
         states=states,
-        state_counts=np.array([len(s) for s in sides], dtype=np.int64),
+        state_counts=state_counts,
         slopes=slopes,
-        edges=padded,
-        bin_counts=np.array([len(e) - 1 for e in edges], dtype=np.int64),
+        edges=edges,
+        bin_counts=bin_counts,
         corner_bin=tuple(c[0] for c in corners),
         corner_share=tuple(c[1] for c in corners),
     )
@@ -193,39 +193,82 @@ def _corners(vertical, horizontal, edges):  # type: ignore[no-untyped-def]
     return bins, share
 
 
-def _sample_rays(
-    camera: CameraIntrinsics, R: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    steps = np.arange(_SAMPLES) / (_SAMPLES - 1)
-    shear = (steps - 0.5) / _SAMPLES  # so that no two samples share a column, a row or, with axes upright, a state
-    x = (steps + shear[:, None]) * camera.width - 0.5
-    y = (steps[:, None] + shear) * camera.height - 0.5
-    m = R @ np.linalg.inv(camera.matrix)
-    rays = m[:, 0, None, None] * x + m[:, 1, None, None] * y + m[:, 2, None, None]
-    return rays[0].ravel(), rays[1].ravel(), rays[2].ravel()
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sample_rays(m, width, height):  # type: ignore[no-untyped-def]
+    """|u| or |v| of sample pixels ahead per side, |dx| / (|dx| + |dy|) of all per quadrant, and how many there are."""
+    magnitudes, angles = np.empty((4, _SAMPLES**2)), np.empty((4, _SAMPLES**2))
+    seen, in_quadrant, on_side = np.zeros(4, np.int64), np.zeros(4, np.int64), np.zeros(4, np.int64)
+    for row in range(_SAMPLES):
+        for column in range(_SAMPLES):
+            # sheared, so that no two samples share a column, a row or, with axes upright, a state
+            u, v = column / (_SAMPLES - 1), row / (_SAMPLES - 1)
+            x, y = (u + (v - 0.5) / _SAMPLES) * width - 0.5, (v + (u - 0.5) / _SAMPLES) * height - 0.5
+            dx, dy = m[0, 0] * x + m[0, 1] * y + m[0, 2], m[1, 0] * x + m[1, 1] * y + m[1, 2]
+            dz = m[2, 0] * x + m[2, 1] * y + m[2, 2]
+            level, side = int(dy >= 0), 2 + int(dx >= 0)
+            on_side[level] += 1
+            on_side[side] += 1
+            if dz > 0.0:
+                magnitudes[level, seen[level]], magnitudes[side, seen[side]] = abs(dy) / dz, abs(dx) / dz
+                seen[level] += 1
+                seen[side] += 1
+            q = 2 * level + side - 2
+            angles[q, in_quadrant[q]] = abs(dx) / max(abs(dx) + abs(dy), 1e-12)
+            in_quadrant[q] += 1
+    return magnitudes, seen, angles, in_quadrant, on_side
 
 
-def _side_states(magnitude: NDArray[np.float64], dz: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """(n,) ascending states of one side, +inf last."""
-    seen = dz > 0
-    slopes = np.sort(magnitude[seen] / dz[seen])
-    slopes = slopes[: np.searchsorted(slopes, _MAX_SLOPE)]
-    if count < 1 or len(slopes) < 2:
-        return np.array([np.inf])
-    positions = (np.arange(count) + 0.5) / count * (len(slopes) - 1)
-    inside = np.interp(positions, np.arange(len(slopes)), slopes)
-    near = np.geomspace(_NEAR, slopes[0], _NEAR_STATES, endpoint=False) if slopes[0] > 2 * _NEAR else np.empty(0)
-    states = np.unique(np.concatenate([near, np.maximum(inside, 1e-4)]))
-    return np.append(states, np.inf)
+@njit(cache=True, nogil=True)
+def _quantile(ordered, count, share):  # type: ignore[no-untyped-def]
+    """Value at a share, 0..1, of the way through the first `count` of ascending values."""
+    position = share * (count - 1)
+    low = min(int(position), count - 2)
+    return ordered[low] + (ordered[low + 1] - ordered[low]) * (position - low)
 
 
-def _angle_edges(angle: NDArray[np.float64], bins: int, samples: int) -> NDArray[np.float64]:
-    """(m + 1,) edges of t from 0 to 1 with about the same number of pixels between neighbours."""
-    if len(angle) < 2:
-        return np.array([0.0, 1.0])
-    count = max(_MIN_ANGLE_BINS, round(bins * len(angle) / samples))
-    ordered = np.sort(angle)
-    inner = np.interp(np.arange(count + 1) / count * (len(ordered) - 1), np.arange(len(ordered)), ordered)
-    inner = np.unique(inner)
-    inner = inner[(inner > 1e-6) & (inner < 1.0 - 1e-6)]
-    return np.concatenate([[0.0], inner, [1.0]])
+@njit(cache=True, nogil=True)
+def _append(values, n, value):  # type: ignore[no-untyped-def]
+    """Append to ascending values what is above the last; return how many there are."""
+    if n == 0 or value > values[n - 1]:
+        values[n] = value
+        return n + 1
+    return n
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _place_states(magnitudes, seen, wanted):  # type: ignore[no-untyped-def]
+    """(4, n) ascending states per side, padded with +inf, and how many each side uses, one +inf included."""
+    states = np.full((4, wanted.max() + _NEAR_STATES + 1), np.inf)
+    used = np.zeros(4, np.int64)
+    for side in range(4):
+        ordered = magnitudes[side]
+        count, n = np.searchsorted(ordered[: seen[side]], _MAX_SLOPE), 0
+        if wanted[side] >= 1 and count >= 2:
+            if ordered[0] > 2 * _NEAR:
+                for k in range(_NEAR_STATES):
+                    n = _append(states[side], n, _NEAR * (ordered[0] / _NEAR) ** (k / _NEAR_STATES))
+            for k in range(wanted[side]):
+                n = _append(states[side], n, max(_quantile(ordered, count, (k + 0.5) / wanted[side]), 1e-4))
+        used[side] = n + 1
+    return states[:, : used.max()].copy(), used
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _place_edges(angles, in_quadrant, bins):  # type: ignore[no-untyped-def]
+    """(4, m + 1) edges of t from 0 to 1 with about the same number of pixels between neighbours, padded with 1, and the
+    bins that each quadrant uses.
+    """
+    edges = np.ones((4, max(bins, _MIN_ANGLE_BINS) + 3))
+    used = np.ones(4, np.int64)
+    for q in range(4):
+        edges[q, 0] = 0.0
+        if in_quadrant[q] < 2:
+            continue
+        count, n = max(_MIN_ANGLE_BINS, int(np.rint(bins * in_quadrant[q] / _SAMPLES**2))), 1
+        for k in range(count + 1):
+            edge = _quantile(angles[q], in_quadrant[q], k / count)
+            if 1e-6 < edge < 1.0 - 1e-6:
+                n = _append(edges[q], n, edge)
+        edges[q, n] = 1.0
+        used[q] = n
+    return edges[:, : used.max() + 1].copy(), used
