@@ -100,7 +100,7 @@ def estimate_manhattan_frame(
         return None
     weight = 1.0 / (cells.sigma**2 + _KERNEL_RAD**2)
     weight /= weight.sum()
-    starts = _candidates(cells.normal, weight) if prior is None else [prior]
+    starts = _candidates(cells.normal, weight, gravity) if prior is None else [prior]
     scored = sorted(((_score(R, cells.normal, weight, _BANDWIDTH), i) for i, R in enumerate(starts)), reverse=True)
     if prior is not None and scored[0][0] < 0.5:
         return estimate_manhattan_frame(geometry, segments, None, gravity)
@@ -152,12 +152,14 @@ def angle_between_frames(a: NDArray[np.float64], b: NDArray[np.float64]) -> floa
     return float(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))
 
 
-def _candidates(normals: NDArray[np.float64], weight: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def _candidates(
+    normals: NDArray[np.float64], weight: NDArray[np.float64], gravity: NDArray[np.float64] | None = None
+) -> list[NDArray[np.float64]]:
     """Triples from the strongest normal modes and the azimuths around each."""
     triples = []
     for axis in _modes(normals, weight, _MODES, _BANDWIDTH, _MODES_APART_RAD):
         basis = _complete(axis)
-        for angle in _azimuths(normals, weight, basis):
+        for angle in _azimuths(normals, weight, basis) or [_guessed_azimuth(basis, gravity)]:
             c, s = np.cos(angle), np.sin(angle)
             triples.append(np.array([c * basis[0] + s * basis[1], -s * basis[0] + c * basis[1], basis[2]]))
     return triples
@@ -208,12 +210,11 @@ def _complete(axis: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _azimuths(normals: NDArray[np.float64], weight: NDArray[np.float64], basis: NDArray[np.float64]) -> list[float]:
-    """Peaks of the azimuth modulo 90 degrees of the normals across `basis[2]`; the view's heading if there are none."""
+    """Peaks of the azimuth modulo 90 degrees of the normals across `basis[2]`; none where too few are across."""
     local = normals @ basis.T
     across = np.abs(local[:, 2]) < np.sin(np.deg2rad(20.0))
     if weight[across].sum() < 0.02:
-        heading = basis @ np.array([0.0, 0.0, 1.0])
-        return [float(np.arctan2(heading[1], heading[0]))]
+        return []
     azimuth = np.rad2deg(np.arctan2(local[across, 1], local[across, 0])) % 90.0
     histogram = np.bincount((azimuth / 2.0).astype(int) % 45, weight[across], 45)
     smooth = histogram + 0.7 * (np.roll(histogram, 1) + np.roll(histogram, -1))
@@ -228,6 +229,14 @@ def _azimuths(normals: NDArray[np.float64], weight: NDArray[np.float64], basis: 
         peaks.append(float(np.deg2rad(2.0 * k + 1.0 + mean)))
         smooth[np.arange(k - 4, k + 5) % 45] = 0.0
     return peaks
+
+
+def _guessed_azimuth(basis: NDArray[np.float64], gravity: NDArray[np.float64] | None) -> float:
+    """Azimuth where one plane is all there is: level beside a wall, along the view above a floor."""
+    down = np.array([0.0, 1.0, 0.0]) if gravity is None else gravity / np.linalg.norm(gravity)
+    level = abs(basis[2] @ down) < np.sqrt(0.5)
+    u, v, _ = basis @ (down if level else np.array([0.0, 0.0, 1.0]))
+    return float(np.arctan2(v, u))
 
 
 @njit(cache=True, nogil=True)
