@@ -26,9 +26,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.accumulate import accumulate
 from room_layout_ros.core.cell_counts import CellCounts, count_cells
+from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.integral_geometry import PairTables, pair_tables
 from room_layout_ros.core.ray_grid import QUADRANT_HORIZONTAL, QUADRANT_VERTICAL, RayGrid, compute_ray_grid
 

@@ -8,9 +8,9 @@ from naive_integral_geometry import naive_face_tables, naive_pair_tables
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.accumulate import accumulate
 from room_layout_ros.core.cell_counts import count_cells, lattice_shear
+from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.integral_geometry import face_counts, pair_tables
 from room_layout_ros.core.layout_search import Layout, layout_energy
 from room_layout_ros.core.ray_grid import RayGrid, compute_ray_grid
