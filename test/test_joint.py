@@ -23,7 +23,7 @@ from room_layout_ros.core.energies import (
     violations,
 )
 from room_layout_ros.core.integral_geometry import face_counts
-from room_layout_ros.core.joint import refine_cuboid, solve_joint
+from room_layout_ros.core.joint import solve_joint
 from room_layout_ros.core.joint_problem import loss_costs
 from room_layout_ros.core.layout_search import Layout, RankedLayout, layout_energy
 from room_layout_ros.core.plane_costs import plane_costs, with_fit
@@ -34,7 +34,6 @@ from room_layout_ros.core.weights import (
     ModelWeights,
     pack_blocks,
     physical_table,
-    start_weights,
 )
 
 CONFIG = EstimatorConfig(joint_starts=3, labelling_sweeps=50)
@@ -264,19 +263,6 @@ def test_confidence_is_a_share_and_zero_where_nothing_is_seen(rng: np.random.Gen
         seen = superpixel_faces(problem, found.layout).sum(axis=0) > 1e-3
         assert ((found.face_confidence >= 0) & (found.face_confidence <= 1)).all()
         assert (found.face_confidence[~seen] == 0).all()
-
-
-def test_refinement_stays_between_the_neighbouring_states(rng: np.random.Generator) -> None:
-    problem = random_problem(rng)
-    weights = start_weights()
-    found = solve_joint(problem, weights, CONFIG)
-    refined, plain = refine_cuboid(problem, weights, found), problem.counts.grid.cuboid(found.layout, found.scale)
-    assert (np.isinf(refined.distances) == np.isinf(plain.distances)).all()
-    for side, (face, state) in enumerate(zip((0, 1, 2, 4), found.layout, strict=True)):
-        states = problem.counts.grid.side_states(side) * found.scale
-        if np.isfinite(states[state]):
-            low = states[state - 1] if state else 0.0
-            assert low <= refined.distances[face] <= states[state + 1]
 
 
 def test_a_problem_that_does_not_fit_is_refused(rng: np.random.Generator) -> None:

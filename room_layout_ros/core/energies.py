@@ -26,6 +26,7 @@ from .weights import BLOCKS, N_FEATURES, SLICES, ModelWeights, physical_table
 
 N_LAYOUT_FEATURES = 11
 _TABLE = physical_table()
+_REVERSED = [1, 0, 3, 2, 5, 4]
 _FRONT = FRONT_WALL - 1
 
 
@@ -182,12 +183,12 @@ def label_depth_costs(problem: JointProblem, weights: ModelWeights) -> NDArray[n
 
 def pair_costs(problem: JointProblem, weights: ModelWeights) -> NDArray[np.float64]:
     """(E, 6, 6): Table 1 for i against j and for j against i, and the cost of unlike labels."""
-    w = weights.block("pair")
-    forward = violations(problem.relation)
-    backward = violations(reversed_relation(problem.relation)).transpose(0, 2, 1)
-    cost = w * forward + w.T * backward
-    unlike = (problem.smoothness @ weights.block("smoothness"))[:, None, None] * (1.0 - np.eye(N_LABELS))
-    return np.ascontiguousarray((cost + unlike) * problem.contact[:, None, None])
+    w = weights.block("pair")[:, :, None]
+    table = w * _TABLE + (w * _TABLE[:, :, _REVERSED]).transpose(1, 0, 2)
+    unlike = (1.0 - np.eye(N_LABELS))[:, :, None] * weights.block("smoothness")
+    per_feature = np.concatenate([table, unlike], axis=2).reshape(N_LABELS * N_LABELS, -1)
+    features = np.concatenate([problem.relation, problem.smoothness], axis=1) * problem.contact[:, None]
+    return (features @ per_feature.T).reshape(-1, N_LABELS, N_LABELS)
 
 
 def violations(relation: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -198,7 +199,7 @@ def violations(relation: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def reversed_relation(relation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the relations of j to i: above and below, right and left, in front and behind change places."""
-    return relation[:, [1, 0, 3, 2, 5, 4]]
+    return relation[:, _REVERSED]
 
 
 def coupling(problem: JointProblem, weights: ModelWeights, layout: Layout, scale: float) -> NDArray[np.float64]:

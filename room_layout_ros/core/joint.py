@@ -81,7 +81,7 @@ class JointEstimate:
 
     Attributes
     ----------
-    hypothesis : index of the evidence it is for. solution : JointSolution. cuboid : the refined room.
+    hypothesis : index of the evidence it is for. solution : JointSolution. cuboid : its room, planes at states of the rays.
     energies : of every hypothesis tried, in order.
     """
 
@@ -148,7 +148,8 @@ def estimate_joint(
         raise AssertionError("no hypothesis was solved")
     index, solver, state = best
     solution = solver.conclude(state, config.joint_bound)
-    return JointEstimate(index, solution, refine_cuboid(solver.problem, weights, solution), tuple(energies))
+    cuboid = solver.problem.counts.grid.cuboid(solution.layout, solution.scale)
+    return JointEstimate(index, solution, cuboid, tuple(energies))
 
 
 def solve_joint(
@@ -210,6 +211,7 @@ class _Alternation:
         self.cost_alone = layout_costs(problem, weights, extra)
         self.tables_alone = pair_tables(problem.counts, self.cost_alone)
         self.planes_alone = plane_costs(problem, weights)
+        self.given: dict[bytes, tuple[PairTables, PlaneCosts]] = {}
 
     def search(self, starts: tuple[RankedLayout, ...] = ()) -> _State:
         """Alternate from every start; the state of least energy."""
@@ -261,10 +263,13 @@ class _Alternation:
         return _State(layout, scale, labelling, tuple(energies))
 
     def given_labels(self, labels: NDArray[np.int64]) -> tuple[PairTables, PlaneCosts]:
-        """E_layout + E_comp(x, .) as tables."""
-        cost = self.cost_alone + compatibility_costs(self.problem, self.weights, labels)
-        tables = pair_tables(self.problem.counts, cost)
-        return tables, with_fit(self.planes_alone, self.problem, self.weights, labels)
+        """E_layout + E_comp(x, .) as tables; kept, since starts often meet in the same labels."""
+        key = labels.tobytes()
+        if key not in self.given:
+            cost = self.cost_alone + compatibility_costs(self.problem, self.weights, labels)
+            tables = pair_tables(self.problem.counts, cost)
+            self.given[key] = tables, with_fit(self.planes_alone, self.problem, self.weights, labels)
+        return self.given[key]
 
     def layout_alone(self, layout: Layout, scale: int) -> float:
         return layout_energy(self.tables_alone, layout) + self.planes_alone.of(layout, scale)
@@ -338,31 +343,3 @@ def _face_confidence(
     if seen[FRONT_WALL - 1] > 1e-3:
         confidence[FRONT_WALL - 1] = np.mean(borders) if borders else 0.0
     return confidence
-
-
-def refine_cuboid(problem: JointProblem, weights: ModelWeights, solution: JointSolution) -> RoomCuboid:
-    """Move each plane of the solution to the best offset between its neighbouring states, by the depth's balance.
-
-    The states are a few pixels apart; between them the labels' and pixels' terms hardly change, and depth knows better.
-    Without depth the cuboid is the solution's own.
-    """
-    grid = problem.counts.grid
-    cuboid = grid.cuboid(solution.layout, solution.scale)
-    if problem.profiles is None:
-        return cuboid
-    support, violation = weights.block("plane_support"), weights.block("plane_violation")
-    distances = cuboid.distances.copy()
-    reach = {FRONT_WALL - 1: (solution.scale * 0.96, solution.scale * 1.04)}
-    for side, state in enumerate(solution.layout):
-        values = grid.side_states(side) * solution.scale
-        if np.isfinite(values[state]):
-            low = values[state - 1] if state > 0 else values[state] * 0.97
-            high = values[state + 1] if np.isfinite(values[state + 1]) else values[state] * 1.03
-            reach[SIDE_FACE[side] - 1] = ((low + values[state]) / 2, (high + values[state]) / 2)
-    for face, (low, high) in reach.items():
-        trials = np.append(np.linspace(low, high, 15), distances[face])
-        s, v = problem.profiles.at(face, trials)
-        distances[face] = (
-            trials[int(np.argmin(support[face] * s + violation[face] * v))] if s.max() > 0 else distances[face]
-        )
-    return RoomCuboid(cuboid.R_room_camera, distances)

@@ -149,12 +149,25 @@ def _adjacency(nodes: int, edges: NDArray[np.int32]) -> tuple[NDArray[np.int64],
     The code is the number of the message from the node and of the costs with the node's label first; the other
     direction has the code ^ 1.
     """
-    ends = edges.T.ravel().astype(np.int64)  # all first nodes, then all second ones
-    codes = np.concatenate([np.arange(len(edges)) << 1, np.arange(len(edges)) << 1 | 1])
-    order = np.argsort(ends, kind="stable")
-    starts = np.zeros(nodes + 1, dtype=np.int64)
-    np.cumsum(np.bincount(ends, minlength=nodes), out=starts[1:])
-    return starts, codes[order].astype(np.uint32)
+    result: tuple[NDArray[np.int64], NDArray[np.uint32]] = _incident(nodes, edges)
+    return result
+
+
+@njit(cache=True, nogil=True)
+def _incident(nodes, edges):  # type: ignore[no-untyped-def]
+    starts = np.zeros(nodes + 1, np.int64)
+    codes = np.empty(2 * len(edges), np.uint32)
+    for e in range(len(edges)):
+        starts[edges[e, 0] + 1] += 1
+        starts[edges[e, 1] + 1] += 1
+    starts[:] = np.cumsum(starts)
+    filled = starts.copy()
+    for second in range(2):
+        for e in range(len(edges)):
+            node = edges[e, second]
+            codes[filled[node]] = 2 * e + second
+            filled[node] += 1
+    return starts, codes
 
 
 @njit(cache=True, nogil=True)
