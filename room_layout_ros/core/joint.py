@@ -81,7 +81,8 @@ class JointEstimate:
 
     Attributes
     ----------
-    hypothesis : index of the evidence it is for. solution : JointSolution. cuboid : its room, planes at states of the rays.
+    hypothesis : index of the evidence it is for. solution : JointSolution.
+    cuboid : its room, with planes at states of the rays.
     energies : of every hypothesis tried, in order.
     """
 
