@@ -17,7 +17,10 @@ from .labels import CLUTTER, N_FACES
 from .layout import RoomCuboid
 from .manhattan import ManhattanFrame
 from .room_balance import balance_faces
-from .room_fit import FittedRoom, refine_room, room_cells, search_room
+from .room_cells import room_cells
+from .room_cost import FittedRoom
+from .room_refinement import refine_room
+from .room_search import search_room
 from .superpixels import Superpixels
 from .wall_naming import name_walls
 
@@ -30,7 +33,7 @@ class RefinedRoom:
 
     Attributes
     ----------
-    cost : mean cost per cell of the fit (`room_fit`), 0 without depth.
+    cost : mean cost per cell of the fit (`room_cost`), 0 without depth.
     balance : (5, 3) support, violation and area per face (`room_balance`), 0 without depth.
     measured : share of pixels with depth. certainty : mean of the largest probability of the context.
     """
@@ -50,7 +53,7 @@ def refine_cuboid(
 ) -> RefinedRoom:
     """Turn the axes and move the planes of the discrete optimum to the best continuous cuboid; needs depth.
 
-    The refinement starts from the joint solution and from the best cuboid over candidate offsets (`room_fit`), and
+    The refinement starts from the joint solution and from the best cuboid over candidate offsets (`room_search`), and
     keeps the better one.
 
     Parameters

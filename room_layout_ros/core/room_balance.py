@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
 from .layout import FACE_AXIS, FACE_SIGN
-from .room_fit import RoomCells
+from .room_cells import RoomCells
 
 _ON_PLANE_SIGMAS = 3.0
 

@@ -1,0 +1,71 @@
+"""What the fit of a room reads: cells of the image with their depth and the probability of each label."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from .depth import CELL_PX, DepthGeometry
+
+INTERLEAVED_PARTS = 7
+"""The cells lie in so many interleaved parts, each spread over the whole image."""
+
+
+@dataclass(frozen=True, slots=True)
+class RoomCells:
+    """Cells of an image, flat, in an interleaved order: any first part of them is spread over the whole image.
+
+    Attributes
+    ----------
+    rays : (n, 3) float64, K^-1 (x, y, 1) of their centres. inverse_depth : (n,) float64, 1/m, 0 not measured.
+    probability : (n, 6) float64 of the labels; rows may sum to less than 1 (nothing known).
+    """
+
+    rays: NDArray[np.float64]
+    inverse_depth: NDArray[np.float64]
+    probability: NDArray[np.float64]
+
+
+def room_cells(geometry: DepthGeometry, probability: NDArray[np.float64], superpixels: NDArray[np.int32]) -> RoomCells:
+    """Cells of the depth image with the probabilities of the superpixels under them.
+
+    Parameters
+    ----------
+    probability : (K, 6) of the six labels. superpixels : (H, W) int32 index.
+    """
+    camera, moments = geometry.camera, geometry.moments
+    rows, cols, _ = moments.shape
+    count = moments[..., 0]
+    w = np.where(count >= 0.3 * CELL_PX**2, moments[..., 3] / np.maximum(count, 1.0), 0.0)
+    x = np.arange(cols) * CELL_PX + (CELL_PX - 1) / 2
+    y = np.arange(rows) * CELL_PX + (CELL_PX - 1) / 2
+    right, down = ((x - camera.cx) / camera.fx)[None, :], ((y - camera.cy) / camera.fy)[:, None]
+    rays = np.stack(np.broadcast_arrays(right, down, 1.0), -1)
+    order = _interleaved(rows * cols)
+    probabilities = _cell_means(superpixels, probability, rows, cols, CELL_PX)
+    return RoomCells(rays.reshape(-1, 3)[order], w.ravel()[order], probabilities[order])
+
+
+@cache
+def _interleaved(count: int) -> NDArray[np.intp]:
+    return np.concatenate([np.arange(start, count, INTERLEAVED_PARTS) for start in (3, 0, 5, 1, 6, 2, 4)])
+
+
+@njit(cache=True, nogil=True)
+def _cell_means(index, values, rows, cols, size):  # type: ignore[no-untyped-def]
+    """Mean over each cell's pixels (every second one) of the values of the superpixels they are in."""
+    means = np.zeros((rows * cols, values.shape[1]))
+    share = 1.0 / ((size + 1) // 2) ** 2
+    for row in range(rows):
+        for col in range(cols):
+            cell = means[row * cols + col]
+            for y in range(row * size, (row + 1) * size, 2):
+                for x in range(col * size, (col + 1) * size, 2):
+                    value = values[index[y, x]]
+                    for k in range(values.shape[1]):
+                        cell[k] += share * value[k]
+    return means
