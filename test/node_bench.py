@@ -124,7 +124,12 @@ class Bench:
     def connect(self) -> None:
         """Listen to ~/labels and wait until camera and node know each other."""
         self.listen("estimator/labels", messages.Image)
+        self.until_subscribed()
+
+    def until_subscribed(self) -> None:
+        """Wait until the node listens to all cameras, and a little for it to know them too."""
         self.until(lambda: all(c.get_subscription_count() for c in self.cameras.values()))
+        self.spin(0.2)
 
     def send(self, i: int, color: Any = None, depth: Any = None, info: Any = None) -> None:
         """Publish frame `i`; False leaves a message out, a message or bytes replace it."""

@@ -80,7 +80,7 @@ def test_the_transport_can_change_while_it_runs() -> None:
         ]
         assert bench.node.set_parameters_atomically(change).successful
         compress_cameras(bench)
-        bench.until(lambda: all(c.get_subscription_count() for c in bench.cameras.values()))
+        bench.until_subscribed()
         bench.send(1, compressed_color(1), compressed_depth(1))
         bench.until(lambda: bench.labels_of(1))
 
@@ -143,6 +143,7 @@ def registered(i: int, pose: str) -> NDArray[np.float32]:
 def add_depth_camera(bench: Bench) -> Any:
     publisher = bench.camera("depth_camera_info", QoSProfile(depth=10))
     bench.until(publisher.get_subscription_count)
+    bench.spin(0.2)
     return publisher
 
 

@@ -54,7 +54,7 @@ def test_it_estimates_only_while_active(bench: Bench) -> None:
     assert not any(c.get_subscription_count() for c in bench.cameras.values())
     for i in (0, 10):
         trigger(bench, "activate")
-        bench.until(lambda: all(c.get_subscription_count() for c in bench.cameras.values()))
+        bench.until_subscribed()
         bench.expect(i)
         trigger(bench, "deactivate")
         bench.until(lambda: not any(c.get_subscription_count() for c in bench.cameras.values()))
