@@ -59,10 +59,10 @@ HEAD = (
     f"{'plane cm':>10}{'deg':>8}{'ok %':>8}{'ms':>7}"
 )
 
-LEGEND = """IoU: pooled over the row; measured: cells without depth left out; mean, worst: of single frames; plain: without
-the margin of 10 cm in the truth; too near: free cells within 10 cm before a thing of 5 cm or more at 1-3 m; not free %:
-cells called free where something stands (often what hangs over them, out of the image); plane cm, deg: median error of
-the estimator's planes; ok %: planes within 3 cm and 0.5 deg"""
+LEGEND = """IoU: pooled over the row; measured: cells without depth left out; mean, worst: of single frames; plain:
+without the margin of 10 cm in the truth; too near: free cells within 10 cm before a thing of 5 cm or more at 1-3 m;
+not free %: cells called free where something stands (often what hangs over them, out of the image); plane cm, deg:
+median error of the estimator's planes; ok %: planes within 3 cm and 0.5 deg"""
 
 
 def pooled(scores: list[FreeSpaceScore], which: str) -> float:

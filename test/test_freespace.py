@@ -48,6 +48,7 @@ def with_truth(sample: Sample) -> RoomEstimate:
     assert sample.truth is not None
     assert sample.truth.layout is not None
     assert sample.truth.labels is not None
+    assert sample.truth.furniture is not None
     assert sample.truth.cuboid is not None
     blank = no_estimate_of(sample)
     return replace(

@@ -29,7 +29,7 @@ def test_width_and_free_floor_of_the_first_leg(data_root: Path) -> None:
         result = compute_free_space(geometry, estimate, config)
         assert result is not None
         widths.append(floor_width(estimate, result))
-        ahead = result.grid[result.grid.shape[0] // 2 - 6 : result.grid.shape[0] // 2 + 6, 40:70]
+        ahead = result.grid[result.grid.shape[0] // 2 - 6 : result.grid.shape[0] // 2 + 6, 44:70]
         assert (ahead == FREE_CELL).mean() > 0.9, f"the floor of the corridor is free ahead in {sample.name}"
     assert len(widths) == 7
     assert np.all(np.abs(np.array(widths) - 2.15) < 0.10)

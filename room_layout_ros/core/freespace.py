@@ -33,6 +33,8 @@ _LOW_SIGMAS = 4.0
 _DOUBT_SIGMAS = 2.5
 _PATCH_SHARE = 0.2
 _TOUCH_SHARE = 0.1
+_DOUBT_SHARE = 0.8
+_TOUCH_PIXELS = 2.5
 _TAIL_SHARE = 0.25
 _BEHIND_CELLS = 3
 _COLUMN_STEP_M, _COLUMN_STEPS = 0.1, 12
@@ -104,7 +106,7 @@ def compute_free_space(
     barriers = walls[:0] if config.free_beyond_walls else walls
     cells = sum_floor_cells(geometry, fit, T_camera_floor, barriers, config)
     thing = _occupied(cells, config)
-    grid = _decide(cells, thing, barriers, _half_view(geometry), config)
+    grid = _decide(cells, thing, barriers, _half_view(geometry), geometry.camera.fx, config)
     c = geometry.camera
     _hide_covered(
         grid, geometry.inverse_depth, (c.fx, c.fy, c.cx, c.cy), T_camera_floor, (*cells.origin_m, cells.resolution_m),
@@ -175,14 +177,16 @@ def _decide(
     thing: NDArray[np.bool_],
     walls: NDArray[np.float64],
     half_view: float,
+    focal_px: float,
     config: EstimatorConfig,
 ) -> NDArray[np.int8]:
     doubtful = _raised(cells, config, _DOUBT_SIGMAS, 0.5)
-    beside = cv2.dilate(thing.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    doubtful |= cells.obstacle >= 0.5 * config.obstacle_min_area
-    doubtful |= beside & (cells.touched >= _TOUCH_SHARE * config.obstacle_min_area)
-    free = (cells.seen >= config.free_min_seen) & ~doubtful
     x, y = cells.centres()
+    pixel = (x * x + y * y) / (focal_px * cells.resolution_m) ** 2  # share of a cell that a pixel covers there
+    beside = cv2.dilate(thing.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    doubtful |= cells.obstacle >= _DOUBT_SHARE * config.obstacle_min_area
+    doubtful |= beside & (cells.touched >= np.maximum(_TOUCH_SHARE * config.obstacle_min_area, _TOUCH_PIXELS * pixel))
+    free = (cells.seen >= config.free_min_seen) & ~doubtful
     inside = np.ones(free.shape, bool)
     for a, b, c, _ in walls:
         inside &= a * x + b * y <= c
@@ -264,7 +268,7 @@ def _keep_away(grid, nearest, walls, x0, y0, size, margin):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True)
 def _hide_covered(grid, inverse, intrinsics, T, corner, robot_height):  # type: ignore[no-untyped-def]
-    """Free cells whose floor shows below a thing that hides the space above a corner become unknown (a chair's seat)."""
+    """Free cells become unknown where a thing hides the space above one of their corners (a chair's seat)."""
     x0, y0, size = corner
     covered = np.zeros((grid.shape[0] + 1, grid.shape[1] + 1), np.bool_)
     for i in range(grid.shape[0] + 1):

@@ -182,7 +182,7 @@ def _sight(
             v = np.rint(point[..., 1] / z * camera.fy + camera.cy).astype(int)
             within = (point[..., 2] > 0.05) & (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
             u, v = np.clip(u, 0, camera.width - 1), np.clip(v, 0, camera.height - 1)
-            # A pixel covers Z^2 / (f h) of the floor along the ray; what is flat (a rug) is seen before it by Z flat / h.
+            # A pixel covers Z^2 / (f h) of the floor along the ray; a rug is seen before it by Z flat / h.
             slack = (0.5 * z / camera.fy + _FLAT_M) * z / pose[2, 3]
             there = within & (np.abs(true_depth[v, u] - z) < slack)
             seen += there
