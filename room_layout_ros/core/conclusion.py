@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from .confidence import ConfidenceModel, Signs, state_confidence
 from .depth import DepthGeometry
 from .estimate import RoomEstimate, Status
-from .frame import RgbdFrame
+from .frame import CameraIntrinsics, RgbdFrame
 from .joint import JointEstimate
-from .labels import CLUTTER, N_FACES
+from .labels import CLUTTER, N_FACES, N_LABELS
 from .layout import RoomCuboid
 from .manhattan import ManhattanFrame
 from .room_balance import balance_faces
-from .room_cells import room_cells
-from .room_cost import FittedRoom
+from .room_cells import image_cells, room_cells
+from .room_cost import IMAGE_COSTS, FittedRoom
 from .room_refinement import refine_room
 from .room_search import search_room
 from .superpixels import Superpixels
@@ -46,31 +46,38 @@ class RefinedRoom:
 
 
 def refine_cuboid(
-    cuboid: RoomCuboid,
+    joint: JointEstimate,
     geometry: DepthGeometry | None,
+    camera: CameraIntrinsics,
     superpixels: Superpixels,
     context: NDArray[np.float64],
 ) -> RefinedRoom:
-    """Turn the axes and move the planes of the discrete optimum to the best continuous cuboid; needs depth.
+    """Turn the axes and move the planes of the discrete optimum to the best continuous cuboid.
 
-    The refinement starts from the joint solution and from the best cuboid over candidate offsets (`room_search`), and
-    keeps the better one.
+    With depth the refinement starts from the joint solution and from the best cuboid over candidate offsets
+    (`room_search`), and keeps the better one. Without, the image decides: context and labels in equal parts.
 
     Parameters
     ----------
-    cuboid : RoomCuboid
+    joint : JointEstimate
     geometry : DepthGeometry or None
-        Without depth the cuboid stays as it is.
     context : (K, 6) float64 label probabilities.
     """
+    cuboid = joint.cuboid
     certainty = float(np.average(context.max(axis=1), weights=superpixels.pixels))
+    start = FittedRoom(cuboid.R_room_camera, cuboid.distances, np.inf)
     if geometry is None:
-        return RefinedRoom(cuboid, 0.0, np.zeros((N_FACES, 3)), 0.0, certainty)
-    cells = room_cells(geometry, context, superpixels.index)
-    starts = (FittedRoom(cuboid.R_room_camera, cuboid.distances, np.inf), search_room(cells, cuboid.R_room_camera))
-    room = min((refine_room(cells, start) for start in starts), key=lambda room: room.cost)
+        believed = 0.5 * context + 0.5 * np.eye(N_LABELS)[joint.labels.astype(np.intp) - 1]
+        cells = image_cells(camera, believed, superpixels.index)
+        room = refine_room(cells, start, IMAGE_COSTS)
+        measured = 0.0
+    else:
+        cells = room_cells(geometry, context, superpixels.index)
+        starts = (start, search_room(cells, cuboid.R_room_camera))
+        room = min((refine_room(cells, start) for start in starts), key=lambda room: room.cost)
+        measured = geometry.measured
     balance = balance_faces(cells, room.R_room_camera, room.distances)
-    return RefinedRoom(RoomCuboid(room.R_room_camera, room.distances), room.cost, balance, geometry.measured, certainty)
+    return RefinedRoom(RoomCuboid(room.R_room_camera, room.distances), room.cost, balance, measured, certainty)
 
 
 def faces_in_view(layout: NDArray[np.uint8]) -> NDArray[np.bool_]:

@@ -76,6 +76,7 @@ class EstimatorConfig:
         "joint", "joint: the learned model; depth: the simple depth estimator (a baseline)", choices=("joint", "depth")
     )
     axes_hypotheses: int = _p(2, "namings and triples of the axes that the joint energy chooses from", "", 1, 8)
+    axes_hypotheses_rgb: int = _p(1, "the same without depth, where the energy tells namings apart less well", "", 1, 8)
     min_depth_m: float = _p(0.2, "nearer measurements are ignored", "m", 0.0, 5.0)
     max_depth_m: float = _p(12.0, "farther measurements are ignored", "m", 1.0, 100.0)
     min_valid_depth: float = _p(0.02, "below this share of measured pixels the status is NO_DEPTH", "", 0.0, 1.0)

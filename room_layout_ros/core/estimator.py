@@ -75,13 +75,14 @@ class LayoutEstimator:
         if config.method == "depth" and geometry is not None:
             return run("layout", estimate_from_depth, frame, geometry, axes, superpixels, run.timings_ms)
 
-        models = self.models[geometry is not None]
+        metric = geometry is not None
+        models = self.models[metric]
         features, orientation = run(
             "features", describe_superpixels, superpixels, color, inverse_depth, axes, camera, segments
         )
         context = run("context", compute_geometric_context, features, models.context)
-        cues, count = geometry is not None, config.axes_hypotheses
-        evidence = run("evidence", gather_hypotheses, superpixels, axes, camera, context, orientation, cues, count)
+        count = config.axes_hypotheses if metric else config.axes_hypotheses_rgb
+        evidence = run("evidence", gather_hypotheses, superpixels, axes, camera, context, orientation, metric, count)
         joint = run("joint", estimate_joint, camera, superpixels, evidence, geometry, models.joint, config, expired)
-        room = run("refinement", refine_cuboid, joint.cuboid, geometry, superpixels, context)
+        room = run("refinement", refine_cuboid, joint, geometry, camera, superpixels, context)
         return run("conclusion", conclude, frame, axes, superpixels, joint, room, models.confidence, run.timings_ms)

@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .depth import CELL_PX, DepthGeometry
+from .frame import CameraIntrinsics
 
 INTERLEAVED_PARTS = 7
 """The cells lie in so many interleaved parts, each spread over the whole image."""
@@ -37,17 +38,37 @@ def room_cells(geometry: DepthGeometry, probability: NDArray[np.float64], superp
     ----------
     probability : (K, 6) of the six labels. superpixels : (H, W) int32 index.
     """
-    camera, moments = geometry.camera, geometry.moments
+    moments = geometry.moments
     rows, cols, _ = moments.shape
     count = moments[..., 0]
     w = np.where(count >= 0.3 * CELL_PX**2, moments[..., 3] / np.maximum(count, 1.0), 0.0)
-    x = np.arange(cols) * CELL_PX + (CELL_PX - 1) / 2
-    y = np.arange(rows) * CELL_PX + (CELL_PX - 1) / 2
-    right, down = ((x - camera.cx) / camera.fx)[None, :], ((y - camera.cy) / camera.fy)[:, None]
-    rays = np.stack(np.broadcast_arrays(right, down, 1.0), -1)
-    order = _interleaved(rows * cols)
-    probabilities = _cell_means(superpixels, probability, rows, cols, CELL_PX)
-    return RoomCells(rays.reshape(-1, 3)[order], w.ravel()[order], probabilities[order])
+    # Where pixels are missing, the mean inverse depth is that of the measured pixels' mean ray.
+    mean_ray = moments[..., [1, 2, 0]] / np.maximum(count, 1.0)[..., None]
+    rays = np.where((w > 0)[..., None], mean_ray, _centre_rays(geometry.camera, rows, cols))
+    return _interleave(rays, w, _cell_means(superpixels, probability, rows, cols, CELL_PX))
+
+
+def image_cells(
+    camera: CameraIntrinsics, probability: NDArray[np.float64], superpixels: NDArray[np.int32]
+) -> RoomCells:
+    """Cells of an image without depth; parameters as for `room_cells`."""
+    rows, cols = camera.height // CELL_PX, camera.width // CELL_PX
+    means = _cell_means(superpixels, probability, rows, cols, CELL_PX)
+    return _interleave(_centre_rays(camera, rows, cols), np.zeros((rows, cols)), means)
+
+
+def _centre_rays(camera: CameraIntrinsics, rows: int, cols: int) -> NDArray[np.float64]:
+    """(rows, cols, 3) rays of the cells' centres, z = 1."""
+    x = (np.arange(cols) * CELL_PX + (CELL_PX - 1) / 2 - camera.cx) / camera.fx
+    y = (np.arange(rows) * CELL_PX + (CELL_PX - 1) / 2 - camera.cy) / camera.fy
+    return np.stack(np.broadcast_arrays(x[None, :], y[:, None], 1.0), -1)
+
+
+def _interleave(
+    rays: NDArray[np.float64], inverse_depth: NDArray[np.float64], probability: NDArray[np.float64]
+) -> RoomCells:
+    order = _interleaved(inverse_depth.size)
+    return RoomCells(rays.reshape(-1, 3)[order], inverse_depth.ravel()[order], probability[order])
 
 
 @cache

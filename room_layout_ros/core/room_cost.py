@@ -18,6 +18,9 @@ COSTS = np.array([1.5, 0.8, 0.12, 0.004, 0.10, 0.025, 0.7, 0.0])
 in m and per metre, factor for wall beyond (windows, doors and mirrors show what is behind), wall of another name (depth
 decides better). Unit: a wall cell that is off its plane."""
 
+IMAGE_COSTS = np.append(COSTS[:7], 0.5)
+"""The same for cells without depth, where the name is all that tells one wall from the next."""
+
 MIN_DISTANCE_M = 0.05
 """No face is nearer to the camera."""
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
 from .room_cells import INTERLEAVED_PARTS, RoomCells
@@ -23,15 +24,15 @@ _POLISH_ROUNDS = 6
 _POLISH_SIGMAS = 4.0
 
 
-def refine_room(cells: RoomCells, room: FittedRoom) -> FittedRoom:
+def refine_room(cells: RoomCells, room: FittedRoom, costs: NDArray[np.float64] = COSTS) -> FittedRoom:
     """Pattern search over rotations and finite distances, halving the steps, then least squares on the inliers."""
     R, distances, _ = _refine(
-        cells.rays, cells.inverse_depth, cells.probability, room.R_room_camera, room.distances, COSTS
+        cells.rays, cells.inverse_depth, cells.probability, room.R_room_camera, room.distances, costs
     )
     R, distances = _polish(cells.rays, cells.inverse_depth, cells.probability, R, distances)
     u, _, vt = np.linalg.svd(R)
     R = np.asarray(u @ vt)
-    cost = mean_cost(cells.rays, cells.inverse_depth, cells.probability, R, distances, COSTS, len(cells.rays), np.inf)
+    cost = mean_cost(cells.rays, cells.inverse_depth, cells.probability, R, distances, costs, len(cells.rays), np.inf)
     return FittedRoom(R, distances, float(cost))
 
 
