@@ -72,6 +72,8 @@ def compute_line_segments(image: NDArray[np.uint8], config: EstimatorConfig) -> 
         raise ValueError(f"image is {image.dtype} of shape {image.shape}; uint8 (H, W) or (H, W, 3) is needed")
     gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     scale = config.line_scale
+    if min(gray.shape) * scale < 1.0:
+        return LineSegments(np.empty((0, 4), np.float32))  # nothing is left of an image this small
     if scale < 1.0:
         gray = cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_NONE, 1.0).detect(np.ascontiguousarray(gray))[0]
