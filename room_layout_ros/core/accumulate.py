@@ -37,7 +37,7 @@ def accumulate(grid: RayGrid, feature: NDArray[np.float64]) -> tuple[PairTables,
         )
     boxes, sectors, total, behind = _accumulate(
         np.ascontiguousarray(feature, dtype=np.float64), grid.ray_matrix,
-        grid.states, grid.state_counts, grid.slopes, grid.bin_counts, *histogram_offsets(grid),
+        grid.states, grid.state_counts, grid.slopes, grid.bin_counts,
     )  # fmt: skip
     none = np.zeros(N_QUADRANTS)
     front = read_tables(grid, boxes, np.zeros_like(sectors), none, none)
@@ -66,7 +66,8 @@ def _move_angle(bin_, horizontal, vertical, slopes, count):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def _accumulate(feature, m, states, counts, slopes, bins, box_offset, sector_offset):  # type: ignore[no-untyped-def]
+def _accumulate(feature, m, states, counts, slopes, bins):  # type: ignore[no-untyped-def]
+    box_offset, sector_offset = histogram_offsets(counts, bins)
     height, width = feature.shape
     boxes, sectors = np.zeros(box_offset[4]), np.zeros(sector_offset[4])
     total, behind = np.zeros(4), np.zeros(4)

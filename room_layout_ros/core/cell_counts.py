@@ -81,8 +81,8 @@ def count_samples(grid: RayGrid, samples: NDArray[np.int32], atom_count: int, pi
     if int(samples.max()) >= atom_count:
         raise ValueError(f"an atom has number {int(samples.max())}; below {atom_count} was announced")
     quadrants, behind, boxes, sectors = _count(
-        samples, atom_count, pixel_step, lattice_shear(pixel_step), grid.camera.width, grid.ray_matrix,
-        grid.states, grid.state_counts, grid.slopes, grid.bin_counts, *histogram_offsets(grid),
+        samples, atom_count, pixel_step, lattice_shear(pixel_step), grid.ray_matrix,
+        grid.states, grid.state_counts, grid.slopes, grid.bin_counts,
     )  # fmt: skip
     return CellCounts(grid, quadrants.sum(axis=1), quadrants, behind, boxes, sectors)
 
@@ -125,16 +125,17 @@ def keep_atoms(counts: CellCounts, keep: NDArray[np.bool_]) -> CellCounts:
     )
 
 
-def histogram_offsets(grid: RayGrid) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+@njit(cache=True, nogil=True)
+def histogram_offsets(counts, bins):  # type: ignore[no-untyped-def]
     """(5,) starts of the quadrants in the flat box histograms (vertical bin, horizontal bin) and sector histograms
-    (horizontal bin, angle bin).
+    (horizontal bin, angle bin), for the states per side and the angle bins per quadrant.
     """
-    n = grid.state_counts.tolist()
-    boxes, sectors = [0], [0]
-    for q, bins in enumerate(grid.bin_counts.tolist()):
-        boxes.append(boxes[-1] + n[QUADRANT_VERTICAL[q]] * n[QUADRANT_HORIZONTAL[q]])
-        sectors.append(sectors[-1] + n[QUADRANT_HORIZONTAL[q]] * bins)
-    return np.array(boxes, dtype=np.int64), np.array(sectors, dtype=np.int64)
+    boxes, sectors = np.zeros(5, np.int64), np.zeros(5, np.int64)
+    for q in range(4):
+        columns = counts[QUADRANT_HORIZONTAL[q]]
+        boxes[q + 1] = boxes[q] + counts[QUADRANT_VERTICAL[q]] * columns
+        sectors[q + 1] = sectors[q] + columns * bins[q]
+    return boxes, sectors
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -205,8 +206,9 @@ def _add(entries, n, newest, cell, atom):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _count(samples, atom_count, step, shear, width, m, states, counts, slopes, bins, box_offset, sector_offset):  # type: ignore[no-untyped-def]
+def _count(samples, atom_count, step, shear, m, states, counts, slopes, bins):  # type: ignore[no-untyped-def]
     height, n = samples.shape
+    box_offset, sector_offset = histogram_offsets(counts, bins)
     quadrant_pixels, behind_pixels = np.zeros((atom_count, 4)), np.zeros((atom_count, 4))
     boxes = np.empty((height * n, 3), np.int32)  # untouched pages cost nothing
     sectors = np.empty((height * n, 3), np.int32)

@@ -204,10 +204,21 @@ def reversed_relation(relation: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def coupling(problem: JointProblem, weights: ModelWeights, layout: Layout, scale: float) -> NDArray[np.float64]:
     """Return E_comp and the plane fit of one layout as a cost per superpixel and label: (K, 6)."""
-    cost = superpixel_faces(problem, layout) @ weights.block("compatibility")
+    return couple(problem, weights, superpixel_faces(problem, layout), problem.area, layout, scale)
+
+
+def couple(
+    problem: JointProblem,
+    weights: ModelWeights,
+    faces: NDArray[np.float64],
+    area: NDArray[np.float64],
+    layout: Layout,
+    scale: float,
+) -> NDArray[np.float64]:
+    """`coupling`, given the shares of the superpixels in the faces (K, 5) and in all (K,)."""
+    cost = faces @ weights.block("compatibility")
     if problem.fit is not None:
-        shares = problem.fit.at(plane_distances(problem, layout, scale))
-        _add_fit(cost, problem.area, shares, weights.block("plane_fit"))
+        _add_fit(cost, area, problem.fit.at(plane_distances(problem, layout, scale)), weights.block("plane_fit"))
     return cost
 
 

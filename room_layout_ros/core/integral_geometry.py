@@ -46,11 +46,10 @@ def pair_tables(counts: CellCounts, face_cost: NDArray[np.float64]) -> PairTable
         raise ValueError(f"face costs have shape {face_cost.shape}; {(len(counts.pixels), N_FACES)} is needed")
     grid = counts.grid
     cost = np.ascontiguousarray(face_cost, dtype=np.float64)
-    offsets = histogram_offsets(grid)
     boxes, sectors, total, behind = _scatter(
-        cost, counts.quadrant_pixels, counts.behind_pixels, *_unsigned(counts), *offsets
+        cost, counts.quadrant_pixels, counts.behind_pixels, *_unsigned(counts), grid.state_counts, grid.bin_counts
     )
-    return _read_all(grid, boxes, sectors, total, behind, *offsets)
+    return _read_all(grid, boxes, sectors, total, behind)
 
 
 def read_tables(
@@ -67,7 +66,7 @@ def read_tables(
     boxes, sectors : flat float64 histograms of the four quadrants (`cell_counts.histogram_offsets`).
     total, behind : (4,) float64, mass of each quadrant, and of its pixels that only the side and top faces can hold.
     """
-    return _read_all(grid, boxes.copy(), sectors.copy(), total, behind, *histogram_offsets(grid))
+    return _read_all(grid, boxes.copy(), sectors.copy(), total, behind)
 
 
 def _read_all(
@@ -76,17 +75,14 @@ def _read_all(
     sectors: NDArray[np.float64],
     total: NDArray[np.float64],
     behind: NDArray[np.float64],
-    box_offset: NDArray[np.int64],
-    sector_offset: NDArray[np.int64],
 ) -> PairTables:
     """Turn the histograms, in place, into tables."""
-    n, bins = grid.state_counts, grid.bin_counts
-    _read(boxes, sectors, grid.corner_bin, grid.corner_share, total, behind, n, bins, box_offset, sector_offset)
-    first, second, third, fourth = (
-        boxes[box_offset[q] : box_offset[q + 1]].reshape(n[QUADRANT_VERTICAL[q]], n[QUADRANT_HORIZONTAL[q]])
-        for q in range(N_QUADRANTS)
-    )
-    return first, second, third, fourth
+    _read(boxes, sectors, grid.corner_bin, grid.corner_share, total, behind, grid.state_counts, grid.bin_counts)
+    tables, start = [], 0
+    for shares in grid.corner_share:
+        tables.append(boxes[start : start + shares.size].reshape(shares.shape))
+        start += shares.size
+    return tables[0], tables[1], tables[2], tables[3]
 
 
 def face_counts(counts: CellCounts, layout: tuple[int, int, int, int]) -> NDArray[np.float64]:
@@ -96,7 +92,7 @@ def face_counts(counts: CellCounts, layout: tuple[int, int, int, int]) -> NDArra
     """
     grid = counts.grid
     return _face_counts(
-        counts.quadrant_pixels, counts.behind_pixels, *_unsigned(counts), *histogram_offsets(grid),
+        counts.quadrant_pixels, counts.behind_pixels, *_unsigned(counts),
         grid.state_counts, grid.bin_counts, *_corners_of(grid, layout), np.array(layout, dtype=np.int64),
     )  # fmt: skip
 
@@ -119,10 +115,11 @@ def _quadrant(cell, offset):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _scatter(cost, quadrant_pixels, behind_pixels, box_entries, sector_entries, box_offset, sector_offset):  # type: ignore[no-untyped-def]
+def _scatter(cost, quadrant_pixels, behind_pixels, box_entries, sector_entries, counts, bins):  # type: ignore[no-untyped-def]
     """Histograms of (front - top) costs over the boxes and (side - top) costs over the sectors, and what all pixels of
     a quadrant, or those that the front wall can never cover, cost as top.
     """
+    box_offset, sector_offset = histogram_offsets(counts, bins)
     boxes, sectors = np.zeros(box_offset[4]), np.zeros(sector_offset[4])
     total, behind = np.zeros(4), np.zeros(4)
     front_over, side_over = np.empty((len(cost), 4)), np.empty((len(cost), 4))
@@ -184,7 +181,8 @@ def _read_quadrant(table, sectors, corner_bin, corner_share, total, behind):  # 
 
 
 @njit(cache=True, nogil=True)
-def _read(boxes, sectors, corner_bin, corner_share, total, behind, counts, bins, box_offset, sector_offset):  # type: ignore[no-untyped-def]
+def _read(boxes, sectors, corner_bin, corner_share, total, behind, counts, bins):  # type: ignore[no-untyped-def]
+    box_offset, sector_offset = histogram_offsets(counts, bins)
     for q in range(4):
         rows, columns = counts[_VERTICAL[q]], counts[_HORIZONTAL[q]]
         _read_quadrant(
@@ -212,9 +210,9 @@ def _parts(box_offset, sector_offset, counts, bins, corner_bin, corner_share, la
 
 @njit(cache=True, nogil=True)
 def _face_counts(  # type: ignore[no-untyped-def]
-    quadrant_pixels, behind_pixels, box_entries, sector_entries, box_offset, sector_offset, counts, bins,
-    corner_bin, corner_share, layout,
+    quadrant_pixels, behind_pixels, box_entries, sector_entries, counts, bins, corner_bin, corner_share, layout,
 ):  # fmt: skip
+    box_offset, sector_offset = histogram_offsets(counts, bins)
     result = np.zeros((len(quadrant_pixels), 5))
     for q in range(4):
         v, h = _VERTICAL[q], _HORIZONTAL[q]

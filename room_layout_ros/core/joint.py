@@ -14,7 +14,7 @@ from .energies import (
     ExtraCosts,
     JointProblem,
     compatibility_costs,
-    coupling,
+    couple,
     label_problem,
     layout_costs,
     superpixel_faces,
@@ -212,6 +212,8 @@ class _Alternation:
         self.cost_alone = layout_costs(problem, weights, extra)
         self.tables_alone = pair_tables(problem.counts, self.cost_alone)
         self.planes_alone = plane_costs(problem, weights)
+        self.area = problem.area
+        self.faces: dict[Layout, NDArray[np.float64]] = {}
         self.given: dict[bytes, tuple[PairTables, PlaneCosts]] = {}
 
     def search(self, starts: tuple[RankedLayout, ...] = ()) -> _State:
@@ -269,7 +271,7 @@ class _Alternation:
         if key not in self.given:
             cost = self.cost_alone + compatibility_costs(self.problem, self.weights, labels)
             tables = pair_tables(self.problem.counts, cost)
-            self.given[key] = tables, with_fit(self.planes_alone, self.problem, self.weights, labels)
+            self.given[key] = tables, with_fit(self.planes_alone, self.problem, self.weights, labels, self.area)
         return self.given[key]
 
     def layout_alone(self, layout: Layout, scale: int) -> float:
@@ -277,8 +279,15 @@ class _Alternation:
 
     def label(self, layout: Layout, scale: int, start: Labelling | None) -> Labelling:
         """Labels for a layout: min over x of E_labelling + E_comp(., y)."""
-        coupled = coupling(self.problem, self.weights, layout, float(self.problem.scales[scale]))
+        scale_m = float(self.problem.scales[scale])
+        coupled = couple(self.problem, self.weights, self.faces_of(layout), self.area, layout, scale_m)
         return self.solve_labels(coupled, start)
+
+    def faces_of(self, layout: Layout) -> NDArray[np.float64]:
+        """(K, 5) `superpixel_faces` of a layout; kept, since starts often meet."""
+        if layout not in self.faces:
+            self.faces[layout] = superpixel_faces(self.problem, layout)
+        return self.faces[layout]
 
     def solve_labels(self, added: NDArray[np.float64], start: Labelling | None) -> Labelling:
         return self.solver.solve(self.labels_alone.unary + added, self.config.labelling_sweeps, start)
@@ -295,7 +304,9 @@ class _Alternation:
             energy=state.energy,
             bound=self.bound(state) if prove and finished else -np.inf,
             energies=state.energies,
-            face_confidence=_face_confidence(self.problem, full, state.layout, self.config.layout_temperature),
+            face_confidence=_face_confidence(
+                self.faces_of(state.layout), full, state.layout, self.config.layout_temperature
+            ),
             finished=finished,
             messages=state.labelling,
         )
@@ -315,7 +326,7 @@ class _Alternation:
             least = problem.fit.least(self.weights.block("plane_fit")) * problem.area[:, None]
         best = -np.inf
         for share in (1.0, 0.0):
-            moved = share * (superpixel_faces(problem, state.layout) @ w)
+            moved = share * (self.faces_of(state.layout) @ w)
             per_pixel = moved / np.maximum(problem.area * problem.pixels, 1e-9)[:, None]
             relaxed = (w[None] / problem.pixels - per_pixel[:, None, :]).min(axis=2)
             cost = self.cost_alone + relaxed[problem.atom_superpixel]
@@ -325,14 +336,14 @@ class _Alternation:
 
 
 def _face_confidence(
-    problem: JointProblem, tables: PairTables, layout: Layout, temperature: float
+    faces: NDArray[np.float64], tables: PairTables, layout: Layout, temperature: float
 ) -> NDArray[np.float64]:
     """Share of belief, exp(-min-marginal / temperature), within two states of the chosen ray.
 
     The front wall has the mean of its borders.
     """
     confidence = np.zeros(N_FACES)
-    seen = superpixel_faces(problem, layout).sum(axis=0)
+    seen = faces.sum(axis=0)
     borders = []
     for side, (marginal, state) in enumerate(zip(min_marginals(tables), layout, strict=True)):
         belief = np.exp(-(marginal - marginal.min()) / temperature)

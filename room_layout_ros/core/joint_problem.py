@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from .cell_counts import CellCounts, count_samples, keep_atoms, sample_lattice
@@ -26,6 +27,8 @@ _TOLERANCE_M, _SPAN_M = 0.03, 0.30
 """A superpixel is fully above another when it is this much and more above it."""
 _TOLERANCE_SLOPE, _SPAN_SLOPE = 0.02, 0.20
 """The same for directions |u|, |v| where nothing is known of depth."""
+_RELATION_AXIS = ((0, 1, -1.0), (1, 1, 1.0), (2, 0, 1.0), (3, 0, -1.0), (4, 2, 1.0), (5, 2, -1.0))
+"""Column, room axis (Y is down) and sign of each relation."""
 _COLOR_SCALE = 10.0
 _MAX_CUE_M = 3.0
 _PLANE_SCALE = 0.03
@@ -176,23 +179,40 @@ def compute_relations(
     Positions are the planes' points at the superpixels' centres, where both have one; without depth directions (u, v)
     tell what they can, and nothing is in front or behind.
     """
-    centre = superpixels.center_px.astype(np.float64)
-    rays = np.column_stack([(centre - (camera.cx, camera.cy)) / (camera.fx, camera.fy), np.ones(len(centre))]) @ R.T
+    camera_numbers = (camera.fx, camera.fy, camera.cx, camera.cy)
+    return _relations(superpixels.center_px, superpixels.plane, superpixels.edges, R, camera_numbers, with_depth)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _position(x, y, plane, R, camera, with_depth):  # type: ignore[no-untyped-def]
+    """Point on the superpixel's plane (NaN where it has none), or with z = 0 its direction, in room axes."""
+    fx, fy, cx, cy = camera
+    u, v = (x - cx) / fx, (y - cy) / fy
+    p = R[0, 0] * u + R[0, 1] * v + R[0, 2]
+    q = R[1, 0] * u + R[1, 1] * v + R[1, 2]
+    r = R[2, 0] * u + R[2, 1] * v + R[2, 2]
     if with_depth:
-        a, b, c = superpixels.plane.T
-        w = a * centre[:, 0] + b * centre[:, 1] + c
-        with np.errstate(divide="ignore", invalid="ignore"):
-            position = np.where(w > 0, 1.0 / w, np.nan)[:, None] * rays
-        tolerance, span = _TOLERANCE_M, _SPAN_M
-    else:
-        position = np.full((len(rays), 3), np.nan)
-        ahead = rays[:, 2] > 0.1
-        position[ahead] = np.column_stack([rays[ahead, :2] / rays[ahead, 2:], np.zeros(ahead.sum())])
-        tolerance, span = _TOLERANCE_SLOPE, _SPAN_SLOPE
-    i, j = superpixels.edges.T
-    step = position[i] - position[j]
-    signed = np.column_stack([-step[:, 1], step[:, 1], step[:, 0], -step[:, 0], step[:, 2], -step[:, 2]])
-    return np.nan_to_num(np.clip((signed - tolerance) / span, 0.0, 1.0), nan=0.0)
+        w = plane[0] * x + plane[1] * y + plane[2]
+        z = 1.0 / w if w > 0 else np.nan
+        return p * z, q * z, r * z
+    return (p / r, q / r, 0.0) if r > 0.1 else (np.nan, np.nan, np.nan)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _relations(centre, plane, edges, R, camera, with_depth):  # type: ignore[no-untyped-def]
+    tolerance, span = (_TOLERANCE_M, _SPAN_M) if with_depth else (_TOLERANCE_SLOPE, _SPAN_SLOPE)
+    position = np.empty((len(centre), 3))
+    for k in range(len(centre)):
+        at = _position(float(centre[k, 0]), float(centre[k, 1]), plane[k], R, camera, with_depth)
+        position[k, 0], position[k, 1], position[k, 2] = at
+    relation = np.zeros((len(edges), 6))
+    for e in range(len(edges)):
+        for column, axis, sign in _RELATION_AXIS:
+            step = sign * (position[edges[e, 0], axis] - position[edges[e, 1], axis])
+            share = (step - tolerance) / span
+            if share > 0.0:  # not where a position is NaN
+                relation[e, column] = min(share, 1.0)
+    return relation
 
 
 def _smoothness(superpixels: Superpixels, with_depth: bool) -> NDArray[np.float64]:

@@ -64,11 +64,18 @@ def plane_costs(problem: JointProblem, weights: ModelWeights) -> PlaneCosts:
     return _with_curves(alone, curves, np.zeros(len(curves)))
 
 
-def with_fit(planes: PlaneCosts, problem: JointProblem, weights: ModelWeights, labels: NDArray[np.int64]) -> PlaneCosts:
-    """Return the costs of the planes with the fit of labels (K,) added."""
+def with_fit(
+    planes: PlaneCosts,
+    problem: JointProblem,
+    weights: ModelWeights,
+    labels: NDArray[np.int64],
+    area: NDArray[np.float64] | None = None,
+) -> PlaneCosts:
+    """Return the costs of the planes with the fit of labels (K,) added; `area` is the problem's, if at hand."""
     if problem.fit is None:
         return planes
-    return _with_curves(planes, *problem.fit.curves(labels, problem.area, weights.block("plane_fit")))
+    area = problem.area if area is None else area
+    return _with_curves(planes, *problem.fit.curves(labels, area, weights.block("plane_fit")))
 
 
 def _with_curves(planes: PlaneCosts, curves: NDArray[np.float64], absent: NDArray[np.float64]) -> PlaneCosts:
