@@ -14,7 +14,7 @@ from .depth import DepthGeometry
 from .estimate import RoomEstimate
 from .labels import FACES
 
-_REACH_M = 0.20
+_REACH_M = 0.29
 _BIN_M = 0.04
 _SLICE_M = 0.20
 _LONGEST_M = 12.0
@@ -22,7 +22,7 @@ _HEIGHTS_M = (0.10, 1.5)
 _STRIDE = 2
 _MIN_SLICE_PIXELS = 8
 _MIN_SLICES = 6
-_CLEAR_WIN = 1.6
+_CLEAR_WIN = 1.4
 
 
 def refine_walls(
