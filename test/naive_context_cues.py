@@ -1,4 +1,4 @@
-"""Slow twins of the cues behind the geometric context: what lies beyond planes, texture."""
+"""Slow twin of the reach of planes, a cue of the geometric context."""
 
 from __future__ import annotations
 
@@ -40,15 +40,3 @@ def plane_reach(
         float(off[top].max()) if top.any() else 0.0,
         float(off[bottom].max()) if bottom.any() else 0.0,
     ]
-
-
-def patterns(grey: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """(10,) shares of the uniform local binary patterns of a whole image, neighbours 3 grey levels brighter."""
-    counts = np.zeros(10)
-    for row in range(1, grey.shape[0] - 1):
-        for col in range(1, grey.shape[1] - 1):
-            ring = [(-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1)]
-            bits = [int(grey[row + dy, col + dx]) > int(grey[row, col]) + 3 for dy, dx in ring]
-            changes = sum(bits[k] != bits[k - 1] for k in range(8))
-            counts[sum(bits) if changes <= 2 else 9] += 1
-    return counts / counts.sum()

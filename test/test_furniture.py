@@ -14,6 +14,7 @@ from room_layout_ros.core.furniture import (
     FURNITURE_IDS,
     FurnitureModel,
     classify_furniture,
+    group_furniture,
     load_furniture,
     paint_furniture,
     save_furniture,
@@ -50,6 +51,28 @@ def test_classes_are_painted_on_clutter_only() -> None:
     assert painted[1] == 0
     assert (painted[3::2] == FURNITURE_IDS[1]).all()
     assert FURNITURE_IDS[1] == 4
+
+
+def test_one_odd_piece_of_a_thing_follows_the_rest_and_structure_does_not() -> None:
+    color = np.full((60, 80, 3), 120, np.uint8)
+    color[:, 40:] = (20, 30, 200)  # another thing
+    superpixels = compute_superpixels(color, None, EstimatorConfig(superpixel_count=24))
+    left = superpixels.center_px[:, 0] < 40
+    probability = np.where(left[:, None], np.eye(7)[1] * 0.5, np.eye(7)[4] * 0.5) + 0.5 / 7
+    odd = int(np.argmin(np.abs(superpixels.center_px - [20, 30]).sum(axis=1)))
+    probability[odd] = np.eye(7)[2] * 0.3 + 0.1
+    clutter = np.ones(superpixels.count, bool)
+    grouped = group_furniture(superpixels, clutter, probability)
+    assert np.allclose(grouped.sum(axis=1), 1.0, atol=1e-6)
+    assert grouped[odd].argmax() == 1
+    assert (grouped[left].argmax(axis=1) == 1).all()
+    assert (grouped[~left].argmax(axis=1) == 4).all()
+    clutter[odd] = False
+    alone = group_furniture(superpixels, clutter, probability)
+    assert alone[odd].argmax() == 2
+    ratio = alone[odd, :6] / probability[odd, :6]  # nobody changed its mind; only "anything else" is less likely
+    assert np.allclose(ratio, ratio[0])
+    assert alone[odd, 6] / probability[odd, 6] < ratio[0]
 
 
 def test_model_survives_its_file_and_damage_is_refused(tmp_path: Path) -> None:

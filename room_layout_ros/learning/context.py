@@ -14,7 +14,7 @@ from ..core.config import EstimatorConfig
 from ..core.evidence.features import SuperpixelFeatures
 from ..core.evidence.geometric_context import ContextModel, compute_geometric_context, save_context
 from ..core.forest import Forest
-from ..core.furniture import FURNITURE_IDS, FurnitureModel
+from ..core.furniture import FURNITURE_IDS, FurnitureModel, save_furniture
 from ..core.labels import N_FACES, N_LABELS
 from ..core.layout import RoomCuboid
 from ..datasets.folder import FramesFolder
@@ -50,7 +50,7 @@ class ContextSettings:
     seed: int = 0
 
 
-RGB_SETTINGS = ContextSettings(synthetic_frames=0)
+RGB_SETTINGS = ContextSettings(trees=150, synthetic_frames=0)
 """Without depth."""
 
 
@@ -271,11 +271,27 @@ def label_error(table: ContextTable, probability: NDArray[np.float64], rows: NDA
     return float(1.0 - labels[np.arange(len(labels)), chosen].sum() / labels[:, 1:].sum())
 
 
+def train_furniture(
+    table: ContextTable, out: Path, seed: int = 0, facts: Mapping[str, Any] | None = None
+) -> FurnitureModel:
+    """Train the furniture classifier on the table of `context_examples` and write the model.
+
+    The same table, arguments and libraries give the same bytes.
+    """
+    rows = table.variant >= 0
+    model = grow_furniture(table, rows, seed=seed)
+    card = {"frames": len(np.unique(table.frame[rows])), "seed": seed, **(facts or {})}
+    model = FurnitureModel(model.names, model.forest, card)
+    save_furniture(model, out)
+    return model
+
+
 def grow_furniture(
     table: ContextTable, rows: NDArray[np.bool_], trees: int = 40, leaves: int = 16, seed: int = 0
 ) -> FurnitureModel:
-    """Grow the furniture forest on the clutter superpixels among the rows."""
+    """Grow the furniture forest on the clutter superpixels among the rows; one thread, as `grow`."""
     from sklearn.ensemble import HistGradientBoostingClassifier
+    from threadpoolctl import threadpool_limits
 
     structural = table.structure / np.maximum(table.pixels, 1.0)
     use = rows & (structural < 0.5) & (table.pixels > 50)
@@ -290,7 +306,9 @@ def grow_furniture(
         max_features=0.3,
         early_stopping=False,
         random_state=seed,
-    ).fit(table.features[use], counts[use].argmax(axis=1), sample_weight=table.pixels[use] / 1500.0)
+    )
+    with threadpool_limits(1, "openmp"):
+        classifier.fit(table.features[use], counts[use].argmax(axis=1), sample_weight=table.pixels[use] / 1500.0)
     return FurnitureModel(table.names, export_forest(classifier, counts.shape[1]))
 
 

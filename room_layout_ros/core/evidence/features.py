@@ -12,13 +12,11 @@ from ..frame import CameraIntrinsics
 from ..lines import LineSegments
 from ..superpixels import Superpixels
 from . import pixel_statistics as ps
-from .color_regions import compute_color_regions
 from .depth_cues import superpixel_planes
 from .plane_reach import COLUMNS as REACH_COLUMNS
 from .plane_reach import compute_plane_reach
 from .plane_segments import PlaneSegments, compute_plane_segments
 from .room_extents import BEYOND_STEP_M, RoomExtents, azimuth_bin, compute_room_extents
-from .texture import compute_texture
 
 Columns = dict[str, NDArray[np.floating]]
 
@@ -80,9 +78,6 @@ def compute_superpixel_features(
     if inverse_depth is not None:
         extents = compute_room_extents(inverse_depth, R_room_camera, camera)
         columns |= _depth(superpixels, sums, bounds, extents, R_room_camera, camera)
-    else:
-        columns |= compute_texture(superpixels.index, superpixels.count, color)
-        columns |= compute_color_regions(superpixels, columns, bounds, camera)
     _add_surroundings(columns, superpixels)
     columns |= look_around(columns, camera.height / camera.width)
     return SuperpixelFeatures(np.stack(list(columns.values()), axis=1).astype(np.float32), tuple(columns))
