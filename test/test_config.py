@@ -25,9 +25,10 @@ def test_every_setting_says_what_it_means_and_its_default_is_allowed(row: Parame
 def test_every_number_has_bounds_and_nothing_outside_is_accepted(row: Parameter) -> None:
     assert row.low is not None
     assert row.high is not None
-    kind = type(row.default)
+    kind: Any = type(row.default)
     for edge in (row.low, row.high):
         EstimatorConfig(**{row.name: kind(edge)})
+    outside: Any
     for outside in (kind(row.low - 1), kind(row.high + 1), float("nan"), float("inf")):
         with pytest.raises(ValueError, match=f"^{row.name} is "):
             EstimatorConfig(**{row.name: outside})
@@ -35,13 +36,14 @@ def test_every_number_has_bounds_and_nothing_outside_is_accepted(row: Parameter)
 
 @by_name
 def test_a_value_of_another_type_is_refused(row: Parameter) -> None:
+    truth: Any = True
     other: Any = "five" if not isinstance(row.default, str) else 5
     kind = type(row.default).__name__
     with pytest.raises(ValueError, match=rf"^{row.name} is {other!r}; it must be of type {kind}$"):
         EstimatorConfig(**{row.name: other})
     if type(row.default) in (int, float):
         with pytest.raises(ValueError, match="must be of type"):
-            EstimatorConfig(**{row.name: True})  # a bool is an int to Python, not to us
+            EstimatorConfig(**{row.name: truth})  # a bool is an int to Python, not to us
 
 
 @pytest.mark.parametrize(

@@ -214,7 +214,8 @@ def test_nothing_to_see_gives_nothing() -> None:
 
 def test_lines_make_coarse_depth_more_precise() -> None:
     """Depth in steps of 8 cm (8-bit sensors): the edges of the room carry the precision."""
-    with_lines, without = [], []
+    with_lines: list[float] = []
+    without: list[float] = []
     for R in VIEWS[:4]:
         frame, _ = seen_from_inside(HALF, R, ROOM)
         assert frame.color is not None

@@ -182,7 +182,7 @@ def test_the_balance_of_an_exact_room_is_all_support() -> None:
 
 def test_where_the_classes_are_known_clutter_before_half_of_every_wall_hides_no_room() -> None:
     """Issue 3: below 1 % with half of each wall hidden; what the fit itself can do, the classifier aside."""
-    errors = []
+    errors: list[float] = []
     for share, seed, frames in CLUTTERED:
         options = {"furniture": 0.0, "wall_clutter": share}
         rooms = SyntheticSource(frames, seed, noise="clean", walk=False, camera=HALF, options=options)

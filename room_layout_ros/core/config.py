@@ -142,7 +142,7 @@ class EstimatorConfig:
             object.__setattr__(self, parameter.name, parameter.check(getattr(self, parameter.name)))
         if self.min_depth_m >= self.max_depth_m:
             raise ValueError(
-                f"min_depth_m is {self.min_depth_m} m and max_depth_m {self.max_depth_m} m; the first must be the smaller"
+                f"min_depth_m is {self.min_depth_m} m and max_depth_m {self.max_depth_m} m; the first must be less"
             )
 
 
