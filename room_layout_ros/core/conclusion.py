@@ -116,7 +116,7 @@ def conclude(
         face_confidence=face_confidence,
         cuboid=cuboid,
         polygons=cuboid.polygons(frame.camera),
-        metric=frame.depth_m is not None,
+        metric=room.measured > 0.0,  # depth that is empty or not used gives no scale
         energy=joint.solution.energy,
         lower_bound=joint.solution.bound,
         timings_ms=dict(timings_ms),

@@ -24,6 +24,8 @@ from .vanishing_points import estimate_axes_from_lines
 
 _KERNEL_RAD = np.deg2rad(5.0)
 _MIN_NORMALS = 12
+_LARGE_CELLS = 16
+"""Rows and columns of cells from which windows of 5 x 5 cells leave enough normals; on smaller images 3 x 3."""
 _BANDWIDTH = _KERNEL_RAD**2
 """1 - cos of two directions over this is the exponent of the kernel, which is Gaussian in their angle."""
 _SAME_FRAME_RAD = np.deg2rad(8.0)
@@ -95,7 +97,7 @@ def estimate_manhattan_frame(
     ManhattanFrame or None
         None where too few cells are planar.
     """
-    cells = fit_cell_planes(geometry, radius=2)
+    cells = fit_cell_planes(geometry, radius=2 if min(geometry.moments.shape[:2]) >= _LARGE_CELLS else 1)
     if len(cells.sigma) < _MIN_NORMALS:
         return None
     weight = 1.0 / (cells.sigma**2 + _KERNEL_RAD**2)
