@@ -1,0 +1,263 @@
+"""What each part of the method gives: the estimator without it, on the frames with hand-made layouts.
+
+ROOM_LAYOUT_EVERY=n with ROOM_LAYOUT_FITS=DIR takes instead every n-th other frame that has a fit in DIR
+(`room-layout fit`). Those were in training, so what they say about learned parts is too good, but for the frames within
+`train.MARGIN` numbers of a hand-made one: they were left out of training; ROOM_LAYOUT_UNTRAINED=1 takes only those.
+
+Stages before the joint model are computed once per frame and set of settings that they depend on; the time of a row
+is CPU time of all its stages, shared ones included.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks._frames import DATA
+from room_layout_ros.core.conclusion import refine_cuboid
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.depth import DepthGeometry, compute_depth_geometry
+from room_layout_ros.core.depth_estimator import estimate_from_depth
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.evidence.geometric_context import compute_geometric_context
+from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.core.frame_evidence import describe_superpixels, gather_hypotheses
+from room_layout_ros.core.joint import estimate_joint
+from room_layout_ros.core.labels import CLUTTER
+from room_layout_ros.core.layout import RoomCuboid
+from room_layout_ros.core.lines import compute_line_segments
+from room_layout_ros.core.manhattan import ManhattanFrame, find_axes
+from room_layout_ros.core.models import Models, load_models
+from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
+from room_layout_ros.core.tracking import TemporalPrior
+from room_layout_ros.core.weights import BLOCKS, VARIANTS, ModelWeights, start_weights
+from room_layout_ros.datasets import FramesFolder, FrameTruth, Sample, good_samples, open_folder
+from room_layout_ros.evaluation.baselines import percentile_walls
+from room_layout_ros.evaluation.measures import score_pixels
+from room_layout_ros.learning.fit_frame import read_fits
+from room_layout_ros.learning.train import MARGIN
+
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """One row: the estimator with something else.
+
+    `off` are blocks of the weights set to 0, `by_hand` takes the weights it was started with.
+    """
+
+    title: str
+    config: EstimatorConfig = EstimatorConfig()
+    off: tuple[str, ...] = ()
+    by_hand: bool = False
+    refined: bool = True
+    lines_in_axes: bool = True
+
+    def weights(self, models: Models) -> ModelWeights:
+        return (start_weights() if self.by_hand else models.joint).without(*self.off)
+
+
+@dataclass(frozen=True, slots=True)
+class Stages:
+    """What comes before the joint model; `milliseconds` of CPU it took."""
+
+    geometry: DepthGeometry | None
+    axes: ManhattanFrame
+    superpixels: Superpixels
+    context: NDArray[np.float64]
+    orientation: Image | None
+    milliseconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Layout and labels of a frame by one variant; `discrete` is the layout before the refinement."""
+
+    layout: Image
+    labels: Image
+    discrete: Image | None
+    milliseconds: float
+
+
+def variants() -> list[Variant]:
+    """Rows of the table but for the two plain solutions."""
+    plain = EstimatorConfig()
+    rgb = replace(plain, use_depth=False)
+    return [
+        Variant("full model"),
+        Variant("RGB only (own learned weights)", rgb),
+        Variant("RGB only, weights set by hand", rgb, by_hand=True),
+        Variant("RGB only, no refinement", rgb, refined=False),
+        *(Variant(f"variant {name}", replace(plain, joint_variant=name)) for name in VARIANTS if name != "full"),
+        *(Variant(f"without block {name}", off=(name,)) for name in BLOCKS),
+        Variant("weights set by hand", by_hand=True),
+        Variant("weights by hand, no refinement", by_hand=True, refined=False),
+        Variant("no refinement", refined=False),
+        Variant("superpixels without depth", replace(plain, superpixel_lambda_depth=0.0)),
+        Variant("axes without lines", lines_in_axes=False),
+        Variant("one naming of the axes", replace(plain, axes_hypotheses=1)),
+        Variant("four namings of the axes", replace(plain, axes_hypotheses=4)),
+        Variant("one alternation from one start", replace(plain, joint_alternations=1, joint_starts=1)),
+    ]
+
+
+def main() -> int:
+    if not (DATA / "nyuv2" / "splits.json").exists():
+        print(f"{DATA / 'nyuv2'} is not here: nothing to measure")
+        return 0
+    cv2.setNumThreads(1)
+    folder = open_folder(DATA / "nyuv2")
+    dev = tuple(p.stem for p in sorted((DATA / "nyuv2" / "layout").glob("*.png")))
+    every, fits = int(os.environ.get("ROOM_LAYOUT_EVERY", "0")), os.environ.get("ROOM_LAYOUT_FITS")
+    if every > 0 and fits:
+        untrained = os.environ.get("ROOM_LAYOUT_UNTRAINED") == "1"
+        kind = "left out of training" if untrained else "most of them of the training"
+        _table(f"every {every}th fitted layout, {kind}", _fitted(folder, dev, Path(fits), every, untrained))
+    else:
+        _table("hand-made layouts", good_samples(folder.subset(dev)))
+    return 0
+
+
+def _fitted(folder: FramesFolder, dev: tuple[str, ...], fits: Path, every: int, untrained: bool) -> Iterator[Sample]:
+    rooms = read_fits(fits)
+    numbers = np.array([int(name) for name in dev])
+    names = [name for name in sorted(rooms) if name not in dev]
+    if untrained:
+        names = [name for name in names if np.abs(numbers - int(name)).min() <= MARGIN]
+    for sample in good_samples(folder.subset(tuple(names[::every]))):
+        layout = rooms[sample.name].raster(sample.frame.camera)
+        labels40 = None if sample.truth is None else sample.truth.labels40
+        yield replace(sample, truth=FrameTruth(layout=layout, labels40=labels40))
+
+
+def _table(title: str, samples: Iterator[Sample]) -> None:
+    rows = variants()
+    LayoutEstimator()  # reads the models
+    errors: dict[str, list[tuple[float, float, float, float]]] = {}
+    count = 0
+    for sample in samples:
+        if not count:
+            for variant in rows[:2]:  # the first call compiles or loads the kernels
+                _apply(variant, sample.frame, {})
+        count += 1
+        cache: dict[object, Stages | None] = {}
+        for variant in rows:
+            errors.setdefault(variant.title, []).append(_score(sample, _apply(variant, sample.frame, cache)))
+        errors.setdefault("simple depth estimator", []).append(_score(sample, _simple(sample.frame)))
+        errors.setdefault("walls at the 98th percentile", []).append(_score(sample, _percentile(sample)))
+    _show(title, count, {name: np.array(values) for name, values in errors.items()})
+
+
+def _show(title: str, count: int, errors: dict[str, NDArray[np.float64]]) -> None:
+    full = errors["full model"]
+    print(f"\n{title}: {count} frames; percent, wall names permuted; ± is the standard error of the mean difference")
+    print("| | layout | median | to full | before refinement | labelling | to full | CPU ms |")
+    print("|---|---|---|---|---|---|---|---|")
+    for name, table in errors.items():
+        layout, labelling, discrete, milliseconds = np.mean(table, axis=0)
+        before = "" if np.isnan(discrete) else f"{100 * discrete:.1f}"
+        print(
+            f"| {name} | {100 * layout:.1f} | {100 * np.median(table[:, 0]):.1f} | {_difference(table, full, 0)} "
+            f"| {before} | {100 * labelling:.1f} | {_difference(table, full, 1)} | {milliseconds:.0f} |"
+        )
+
+
+def _difference(table: NDArray[np.float64], full: NDArray[np.float64], column: int) -> str:
+    if table is full:
+        return ""
+    apart = 100 * (table[:, column] - full[:, column])
+    return f"{apart.mean():+.1f} ± {apart.std(ddof=1) / np.sqrt(len(apart)):.1f}"
+
+
+def _score(sample: Sample, row: Row | None) -> tuple[float, float, float, float]:
+    truth = sample.truth
+    assert truth is not None
+    assert truth.layout is not None
+    if row is None:  # no answer is wrong in every pixel
+        return 1.0, 1.0, 1.0, np.nan
+    whole = score_pixels(truth.layout, row.layout, truth.labels, row.labels)
+    before = np.nan if row.discrete is None else score_pixels(truth.layout, row.discrete).layout_error
+    return whole.layout_error, whole.labelling_error, before, row.milliseconds
+
+
+def _apply(variant: Variant, frame: RgbdFrame, cache: dict[object, Stages | None]) -> Row | None:
+    config = variant.config
+    key = (config.use_depth, config.superpixel_lambda_depth, variant.lines_in_axes)
+    if key not in cache:
+        cache[key] = _prepare(frame, config, variant.lines_in_axes)
+    stages = cache[key]
+    if stages is None:
+        return None
+    start = time.thread_time()
+    geometry, axes, superpixels, camera = stages.geometry, stages.axes, stages.superpixels, frame.camera
+    metric = geometry is not None
+    evidence = gather_hypotheses(
+        superpixels,
+        axes,
+        camera,
+        stages.context,
+        stages.orientation,
+        metric,
+        config.axes_hypotheses if metric else config.axes_hypotheses_rgb,
+    )
+    joint = estimate_joint(camera, superpixels, evidence, geometry, variant.weights(load_models(metric)), config)
+    room = joint.cuboid
+    if variant.refined:
+        room = refine_cuboid(joint, geometry, camera, superpixels, stages.context).cuboid
+    layout, labels = _paint(room, joint.labels, superpixels, frame)
+    milliseconds = stages.milliseconds + 1e3 * (time.thread_time() - start)
+    return Row(layout, labels, joint.cuboid.raster(camera), milliseconds)
+
+
+def _paint(
+    room: RoomCuboid, labels: NDArray[np.uint8], superpixels: Superpixels, frame: RgbdFrame
+) -> tuple[Image, Image]:
+    """Return layout and label image as `conclude` makes them, but for the names of the walls (scores permute them)."""
+    layout = room.raster(frame.camera)
+    return layout, np.where((labels == CLUTTER)[superpixels.index], np.uint8(CLUTTER), layout)
+
+
+def _prepare(frame: RgbdFrame, config: EstimatorConfig, lines_in_axes: bool) -> Stages | None:
+    """Run the stages of `LayoutEstimator.estimate` up to the geometric context."""
+    start = time.thread_time()
+    geometry = compute_depth_geometry(frame, config)
+    inverse_depth = None if geometry is None else geometry.inverse_depth
+    segments = None if frame.color is None else compute_line_segments(frame.color, config)
+    axes = find_axes(geometry, segments if lines_in_axes else None, frame.camera, config, TemporalPrior())
+    if axes is None:
+        return None
+    superpixels = compute_superpixels(frame.color, inverse_depth, config)
+    features, orientation = describe_superpixels(superpixels, frame.color, inverse_depth, axes, frame.camera, segments)
+    context = compute_geometric_context(features, load_models(geometry is not None).context)
+    return Stages(geometry, axes, superpixels, context, orientation, 1e3 * (time.thread_time() - start))
+
+
+def _simple(frame: RgbdFrame) -> Row | None:
+    start, config = time.thread_time(), EstimatorConfig()
+    geometry = compute_depth_geometry(frame, config)
+    segments = None if frame.color is None else compute_line_segments(frame.color, config)
+    axes = find_axes(geometry, segments, frame.camera, config, TemporalPrior())
+    if geometry is None or axes is None:
+        return None
+    superpixels = compute_superpixels(frame.color, geometry.inverse_depth, config)
+    found = estimate_from_depth(frame, geometry, axes, superpixels, {})
+    return Row(found.layout, found.labels, None, 1e3 * (time.thread_time() - start))
+
+
+def _percentile(sample: Sample) -> Row:
+    start = time.thread_time()
+    found = percentile_walls(sample)
+    return Row(found.layout, found.labels, None, 1e3 * (time.thread_time() - start))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,159 @@
+"""The estimator on spoilt input: real frames with worse depth, and rendered rooms by sensor.
+
+Chance is seeded per frame; every condition sees the same frames. A frame without an answer is wrong in every pixel.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks._frames import DATA
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.estimate import Status
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.datasets import Sample, good_samples, open_folder
+from room_layout_ros.datasets.synthetic import NOISES, SyntheticSource
+from room_layout_ros.evaluation.measures import score_pixels
+
+Depth = NDArray[np.float32]
+Spoil = Callable[[Depth, np.random.Generator], Depth]
+
+DISPARITY_STEP_PER_M = 1 / (8 * 525.0 * 0.075)
+"""Inverse depth of an eighth of a pixel of disparity: a Kinect (26 mm at 3 m)."""
+COARSE_STEP_M = 0.10
+NOISE_M, NOISE_PER_M = 0.002, 0.0014
+"""Standard deviation of a Kinect: NOISE_M + NOISE_PER_M z^2 (the one of `learning/degradation.py`)."""
+LOST = 0.30
+BLOCK_PX = 40
+RENDERED, SEED = 8, 2013
+
+
+def quantise_disparity(depth_m: Depth, rng: np.random.Generator) -> Depth:
+    """Round inverse depth to the steps of a Kinect."""
+    steps = np.maximum(np.round(1.0 / (depth_m * DISPARITY_STEP_PER_M)), 1.0)
+    return np.asarray(1.0 / (steps * DISPARITY_STEP_PER_M), np.float32)
+
+
+def quantise_coarsely(depth_m: Depth, rng: np.random.Generator) -> Depth:
+    """Round depth to steps of 10 cm."""
+    return np.asarray(np.round(depth_m / COARSE_STEP_M) * COARSE_STEP_M, np.float32)
+
+
+def add_noise(factor: float) -> Spoil:
+    """Return white noise of the sensor model times `factor`."""
+
+    def spoil(depth_m: Depth, rng: np.random.Generator) -> Depth:
+        sigma = factor * (NOISE_M + NOISE_PER_M * depth_m**2)
+        return np.asarray(depth_m + sigma * rng.standard_normal(depth_m.shape), np.float32)
+
+    return spoil
+
+
+def lose_blocks(depth_m: Depth, rng: np.random.Generator) -> Depth:
+    """Lose 30 % of the blocks of 40 x 40 pixels."""
+    height, width = depth_m.shape
+    lost = rng.random((-(-height // BLOCK_PX), -(-width // BLOCK_PX))) < LOST
+    whole = np.kron(lost, np.ones((BLOCK_PX, BLOCK_PX), bool))[:height, :width]
+    return np.where(whole, np.float32(np.nan), depth_m)
+
+
+def lose_pixels(depth_m: Depth, rng: np.random.Generator) -> Depth:
+    """Lose 30 % of the pixels, each by itself."""
+    return np.where(rng.random(depth_m.shape) < LOST, np.float32(np.nan), depth_m)
+
+
+SPOILT: dict[str, Spoil] = {
+    "as it is (8-bit depth, steps of 39 mm)": lambda depth_m, rng: depth_m,
+    "steps of 1/8 px of disparity besides": quantise_disparity,
+    "steps of 10 cm": quantise_coarsely,
+    "noise of a Kinect besides": add_noise(1.0),
+    "three times that noise": add_noise(3.0),
+    "30 % of depth lost in blocks of 40 px": lose_blocks,
+    "30 % of depth lost pixel by pixel": lose_pixels,
+}
+
+
+def main() -> int:
+    cv2.setNumThreads(1)
+    estimator = LayoutEstimator()
+    if (DATA / "nyuv2" / "splits.json").exists():
+        names = tuple(path.stem for path in sorted((DATA / "nyuv2" / "layout").glob("*.png")))
+        samples = list(good_samples(open_folder(DATA / "nyuv2").subset(names)))
+        _real(estimator, samples)
+    else:
+        print(f"{DATA / 'nyuv2'} is not here: rendered rooms only")
+    print(f"\n{RENDERED} rendered rooms per sensor, the same rooms and views (seed {SEED})")
+    _head()
+    for noise in NOISES:
+        rendered = list(good_samples(SyntheticSource(frames=RENDERED, seed=SEED, noise=noise, walk=False)))
+        _row(f"rendered, {noise}", estimator, ((sample, sample.frame) for sample in rendered))
+    return 0
+
+
+def _real(estimator: LayoutEstimator, samples: list[Sample]) -> None:
+    print(f"{len(samples)} frames with hand-made layouts")
+    _head()
+    for title, spoil in SPOILT.items():
+        _row(title, estimator, ((s, _spoilt(s.frame, spoil, i)) for i, s in enumerate(samples)))
+    _row("half the resolution", estimator, ((s, _halved(s.frame)) for s in samples))
+    depth_only = LayoutEstimator(EstimatorConfig(use_color=False))
+    _row("depth only", depth_only, ((s, s.frame) for s in samples))
+    _row("colour only", estimator, ((s, s.frame.without_depth()) for s in samples))
+
+
+def _spoilt(frame: RgbdFrame, spoil: Spoil, index: int) -> RgbdFrame:
+    assert frame.depth_m is not None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return replace(frame, depth_m=spoil(frame.depth_m, np.random.default_rng([SEED, index])))
+
+
+def _halved(frame: RgbdFrame) -> RgbdFrame:
+    camera = frame.camera.scaled(0.5)
+    size = (camera.width, camera.height)
+    color, depth_m = frame.color, frame.depth_m
+    if color is not None:
+        color = np.asarray(cv2.resize(color, size, interpolation=cv2.INTER_AREA), np.uint8)
+    if depth_m is not None:
+        depth_m = np.asarray(cv2.resize(depth_m, size, interpolation=cv2.INTER_NEAREST), np.float32)
+    return replace(frame, camera=camera, color=color, depth_m=depth_m)
+
+
+def _head() -> None:
+    print("| | layout | median | labelling | median | no answer |")
+    print("|---|---|---|---|---|---|")
+
+
+def _row(title: str, estimator: LayoutEstimator, pairs: Iterable[tuple[Sample, RgbdFrame]]) -> None:
+    layouts, labellings, silent = [], [], 0
+    for sample, frame in pairs:
+        truth = sample.truth
+        assert truth is not None
+        assert truth.layout is not None
+        estimate = estimator.estimate(frame)
+        silent += estimate.status is not Status.OK
+        layout, labels = (_enlarged(image, truth.layout.shape) for image in (estimate.layout, estimate.labels))
+        score = score_pixels(truth.layout, layout, truth.labels, labels)
+        layouts.append(100 * score.layout_error)
+        labellings.append(100 * score.labelling_error)
+    print(
+        f"| {title} | {np.mean(layouts):.1f} | {np.median(layouts):.1f} | {np.nanmean(labellings):.1f} "
+        f"| {np.nanmedian(labellings):.1f} | {silent} |",
+        flush=True,
+    )
+
+
+def _enlarged(image: NDArray[np.uint8], shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    if image.shape == shape:
+        return image
+    return np.asarray(cv2.resize(image, shape[::-1], interpolation=cv2.INTER_NEAREST), np.uint8)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
