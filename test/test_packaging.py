@@ -42,6 +42,7 @@ NOT_IN_ROSDEP = {
     "rerun",
     "skimage",
     "clarabel",
+    "threadpoolctl",
 }
 """Offline extras, by pip alone: no rosdep key, or one whose version in Ubuntu is not tried."""
 
