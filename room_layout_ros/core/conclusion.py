@@ -91,6 +91,7 @@ def conclude(
     superpixels: Superpixels,
     joint: JointEstimate,
     room: RefinedRoom,
+    furniture: NDArray[np.uint8],
     model: ConfidenceModel,
     timings_ms: Mapping[str, float],
 ) -> RoomEstimate:
@@ -108,7 +109,7 @@ def conclude(
         status=Status.OK if joint.solution.finished else Status.DEADLINE,
         layout=layout,
         labels=np.where(clutter[superpixels.index], np.uint8(CLUTTER), layout),
-        furniture=np.zeros_like(layout),
+        furniture=furniture,
         superpixels=superpixels.index,
         R_room_camera=cuboid.R_room_camera,
         axes_confidence=axes.confidence,

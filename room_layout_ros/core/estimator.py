@@ -14,6 +14,7 @@ from .evidence.geometric_context import compute_geometric_context
 from .frame import RgbdFrame
 from .frame_evidence import describe_superpixels, gather_hypotheses
 from .joint import estimate_joint
+from .furniture import find_furniture
 from .lines import compute_line_segments
 from .manhattan import find_axes
 from .models import load_models
@@ -85,4 +86,7 @@ class LayoutEstimator:
         evidence = run("evidence", gather_hypotheses, superpixels, axes, camera, context, orientation, metric, count)
         joint = run("joint", estimate_joint, camera, superpixels, evidence, geometry, models.joint, config, expired)
         room = run("refinement", refine_cuboid, joint, geometry, camera, superpixels, context)
-        return run("conclusion", conclude, frame, axes, superpixels, joint, room, models.confidence, run.timings_ms)
+        furniture = run("furniture", find_furniture, superpixels, joint.labels, features, models.furniture)
+        return run(
+            "conclusion", conclude, frame, axes, superpixels, joint, room, furniture, models.confidence, run.timings_ms
+        )

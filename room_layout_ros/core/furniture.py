@@ -126,6 +126,19 @@ def paint_furniture(
     return np.where(labels == CLUTTER, ids, np.uint8(0)).astype(np.uint8)[superpixels.index]
 
 
+def find_furniture(
+    superpixels: Superpixels, labels: NDArray[np.uint8], features: SuperpixelFeatures, model: FurnitureModel
+) -> NDArray[np.uint8]:
+    """Classify clutter and draw it: (H, W) uint8 NYU40 id on furniture of the six classes, 0 elsewhere.
+
+    Parameters
+    ----------
+    labels : (K,) uint8 label ids 1..6 of the superpixels.
+    """
+    alone = classify_furniture(features, model)
+    return paint_furniture(superpixels, labels, group_furniture(superpixels, labels == CLUTTER, alone))
+
+
 def save_furniture(model: FurnitureModel, path: Path) -> None:
     """Write a furniture model; the same model gives the same bytes."""
     write_arrays(path, _KIND, model.forest.to_arrays("class_"), {**model.card, "features": list(model.names)})

@@ -8,10 +8,12 @@ from pathlib import Path
 
 from .confidence import ConfidenceModel, load_confidence
 from .evidence.geometric_context import ContextModel, load_context
+from .furniture import FurnitureModel, load_furniture
 from .weights import ModelWeights, WeightsError, load_weights
 
 JOINT_FILE = {True: "joint_rgbd.npz", False: "joint_rgb.npz"}
 CONTEXT_FILE = {True: "context_rgbd.npz", False: "context_rgb.npz"}
+FURNITURE_FILE = {True: "furniture_rgbd.npz", False: "furniture_rgb.npz"}
 CONFIDENCE_FILE = {True: "confidence_rgbd.npz", False: "confidence_rgb.npz"}
 """Files per operation: with depth, without."""
 
@@ -24,11 +26,13 @@ class Models:
     ----------
     joint : ModelWeights of the joint energy.
     context : ContextModel, the classifier of superpixels behind geometric context.
+    furniture : FurnitureModel of clutter.
     confidence : ConfidenceModel, from signs of a good estimate to probabilities.
     """
 
     joint: ModelWeights
     context: ContextModel
+    furniture: FurnitureModel
     confidence: ConfidenceModel
 
 
@@ -63,5 +67,6 @@ def _load(with_depth: bool, folder: Path) -> Models:
     return Models(
         load_weights(folder / JOINT_FILE[with_depth]),
         load_context(folder / CONTEXT_FILE[with_depth]),
+        load_furniture(folder / FURNITURE_FILE[with_depth]),
         load_confidence(folder / CONFIDENCE_FILE[with_depth]),
     )
