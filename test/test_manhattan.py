@@ -162,7 +162,7 @@ def test_f31_no_planes_no_axes(what: str, rng: np.random.Generator) -> None:
     depth = {
         "noise": rng.uniform(0.3, 8, y.shape),
         "waves": 2 + 0.5 * np.sin(x / 7) * np.cos(y / 6),
-        "few": np.where((x < 50) & (y < 50), 2.0, np.nan),
+        "few": np.where((x < 40) & (y < 40), 2.0, np.nan),
     }[what].astype(np.float32)
     assert estimate_manhattan_frame(geometry_of(depth, SMALL)) is None
 

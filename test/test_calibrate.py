@@ -1,0 +1,62 @@
+"""`room-layout calibrate`: from frames and layouts to a file of coefficients; refuses what it cannot use."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from room_layout_ros.cli import main as room_layout
+from room_layout_ros.core.confidence import load_confidence
+from room_layout_ros.core.frame import CameraIntrinsics
+from room_layout_ros.core.models import CONFIDENCE_FILE
+from room_layout_ros.datasets import good_samples
+from room_layout_ros.datasets.synthetic import SyntheticSource
+from room_layout_ros.datasets.writers import FolderWriter
+
+COUNT = 36
+CAMERA = CameraIntrinsics(212, 160, 174.0, 174.0, 105.5, 79.5)
+
+
+@pytest.fixture(scope="module")
+def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A frames folder of small synthetic rooms with their true layouts."""
+    path = tmp_path_factory.mktemp("rooms") / "frames"
+    with FolderWriter(path) as writer:
+        for sample in good_samples(SyntheticSource(frames=COUNT, seed=5, walk=False, camera=CAMERA)):
+            writer.write(sample)
+    return path
+
+
+def calibrate(rooms: Path, out: Path, *more: str) -> int:
+    return room_layout(["calibrate", str(rooms), "--fits", str(rooms), "--out", str(out), *more])
+
+
+@pytest.mark.parametrize("more", ((), ("--rgb-only",)))
+def test_coefficients_are_written_with_their_origin(rooms: Path, tmp_path: Path, more: tuple[str, ...]) -> None:
+    assert calibrate(rooms, tmp_path / "new" / "out", *more) == 0
+    model = load_confidence(tmp_path / "new" / "out" / CONFIDENCE_FILE[not more])
+    assert np.isfinite(model.frame).all()
+    assert np.isfinite(model.face).all()
+    assert model.frame[:-1].any()
+    assert 30 <= model.card["frames"] <= COUNT
+    assert str(rooms) in model.card["source"]
+
+
+def test_too_few_frames_are_refused(rooms: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert calibrate(rooms, tmp_path, "--frames", "20") == 2
+    assert "layouts for 20 frames; at least 30 are needed" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_frames_held_out_are_never_used(rooms: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert calibrate(rooms, tmp_path, "--hold-out", "000003,000015,000024,000033") == 2
+    assert "at least 30 are needed" in capsys.readouterr().err
+
+
+def test_a_source_that_is_no_folder_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert room_layout(["calibrate", str(tmp_path / "absent"), "--fits", str(tmp_path), "--out", str(tmp_path)]) == 2
+    message = capsys.readouterr().err
+    assert "absent does not exist" in message
+    assert "Traceback" not in message
