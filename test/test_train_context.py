@@ -33,7 +33,7 @@ from room_layout_ros.learning.synthetic_frames import random_frames
 CONFIG = EstimatorConfig(superpixel_count=70)
 CAMERA = CameraIntrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)
 SETTINGS = ContextSettings(
-    trees=8, leaves=8, face_trees=3, face_leaves=6, learning_rate=0.3, synthetic_frames=4, degraded_every=2
+    trees=8, leaves=8, face_trees=3, face_leaves=6, learning_rate=0.3, synthetic_frames=10, degraded_every=4
 )
 Folder = tuple[FramesFolder, dict[str, RoomCuboid]]
 
@@ -43,7 +43,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
     """Frames 0010, 0020, ... of synthetic rooms in the place of recorded ones, and their rooms."""
     samples: list[Sample] = []
     rooms: dict[str, RoomCuboid] = {}
-    for i, sample in enumerate(good_samples(SyntheticSource(8, 3, noise="kinect", walk=False, camera=CAMERA))):
+    for i, sample in enumerate(good_samples(SyntheticSource(9, 3, noise="kinect", walk=False, camera=CAMERA))):
         name = f"{10 * (i + 1):04d}"
         samples.append(replace(sample, frame=replace(sample.frame, name=name)))
         assert sample.truth is not None
@@ -64,8 +64,8 @@ def trained(folder: Folder, tmp_path_factory: pytest.TempPathFactory) -> tuple[P
 def test_one_call_makes_the_same_file_twice_and_it_says_what_it_is(trained: tuple[Path, Path]) -> None:
     assert trained[0].read_bytes() == trained[1].read_bytes()
     model = load_context(trained[0])
-    assert model.card["frames"] == 7  # 40 is held out
-    assert model.card["synthetic"] == 4
+    assert model.card["frames"] == 8  # 40 is held out
+    assert model.card["synthetic"] == 10
     assert model.card["date"] == "2013-12-01"
     assert set(model.card["cross_validation"]) >= {"real", "degraded", "synthetic_clean", "synthetic_nyu8"}
     assert 0.0 < model.card["cross_validation"]["real"]["structure"] < 45.0
