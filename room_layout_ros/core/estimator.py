@@ -13,8 +13,8 @@ from .estimate import RoomEstimate, Status, no_estimate
 from .evidence.geometric_context import compute_geometric_context
 from .frame import RgbdFrame
 from .frame_evidence import describe_superpixels, gather_hypotheses
-from .joint import estimate_joint
 from .furniture import find_furniture
+from .joint import estimate_joint
 from .lines import compute_line_segments
 from .manhattan import find_axes
 from .models import load_models
