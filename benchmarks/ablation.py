@@ -3,6 +3,7 @@
 ROOM_LAYOUT_EVERY=n with ROOM_LAYOUT_FITS=DIR takes instead every n-th other frame that has a fit in DIR
 (`room-layout fit`). Those were in training, so what they say about learned parts is too good, but for the frames within
 `train.MARGIN` numbers of a hand-made one: they were left out of training; ROOM_LAYOUT_UNTRAINED=1 takes only those.
+ROOM_LAYOUT_ROWS=A,B leaves the full model and the rows whose titles begin with A or B.
 
 Stages before the joint model are computed once per frame and set of settings that they depend on; the time of a row
 is CPU time of all its stages, shared ones included.
@@ -26,7 +27,6 @@ from room_layout_ros.core.conclusion import refine_cuboid
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import DepthGeometry, compute_depth_geometry
 from room_layout_ros.core.depth_estimator import estimate_from_depth
-from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.evidence.geometric_context import compute_geometric_context
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.frame_evidence import describe_superpixels, gather_hypotheses
@@ -97,6 +97,8 @@ def variants() -> list[Variant]:
         Variant("RGB only (own learned weights)", rgb),
         Variant("RGB only, weights set by hand", rgb, by_hand=True),
         Variant("RGB only, no refinement", rgb, refined=False),
+        Variant("RGB only, by hand, no refinement", rgb, by_hand=True, refined=False),
+        Variant("RGB only, two namings", replace(rgb, axes_hypotheses_rgb=2)),
         *(Variant(f"variant {name}", replace(plain, joint_variant=name)) for name in VARIANTS if name != "full"),
         *(Variant(f"without block {name}", off=(name,)) for name in BLOCKS),
         Variant("weights set by hand", by_hand=True),
@@ -140,8 +142,8 @@ def _fitted(folder: FramesFolder, dev: tuple[str, ...], fits: Path, every: int, 
 
 
 def _table(title: str, samples: Iterator[Sample]) -> None:
-    rows = variants()
-    LayoutEstimator()  # reads the models
+    wanted = tuple(os.environ.get("ROOM_LAYOUT_ROWS", "").split(","))
+    rows = [row for row in variants() if row.title.startswith(("full model", *wanted))]
     errors: dict[str, list[tuple[float, float, float, float]]] = {}
     count = 0
     for sample in samples:
