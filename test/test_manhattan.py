@@ -120,6 +120,25 @@ def test_planes_grow_as_breadth_first_search_grows_them(tolerance_deg: float, rn
     assert [set(np.flatnonzero(plane == i).tolist()) for i in range(count)] == expected
 
 
+@pytest.mark.parametrize("spread_m", (0.01, 0.04, 0.10))
+def test_planes_of_a_rough_wall_grow_as_breadth_first_search_grows_them(
+    spread_m: float, rng: np.random.Generator
+) -> None:
+    """Offsets around what still counts as one plane, normals around what still counts as along an axis."""
+    place = np.argwhere(rng.random((12, 16)) < 0.9).astype(np.int32)
+    n = len(place)
+    centroid = np.column_stack([place[:, 1] * 0.08, place[:, 0] * 0.08, np.full(n, 2.0)])
+    centroid[:, 2] += rng.normal(0, spread_m, n)
+    normal = np.column_stack([rng.normal(0, 0.1, (n, 2)), np.ones(n)])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    sigma = rng.uniform(0.0, 0.1, n)
+    R, tolerance = look(2, 3, 1), np.deg2rad(8.0)
+    plane, count = _grow(12, 16, place, normal, centroid, sigma, R, tolerance)
+    expected = naive_room.grow(place, normal, centroid, sigma, R, tolerance)
+    assert [set(np.flatnonzero(plane == i).tolist()) for i in range(count)] == expected
+    assert count > 1
+
+
 @pytest.mark.parametrize("off_deg", (1.0, 5.0, 12.0))
 def test_refinement_turns_a_rough_start_onto_the_planes(off_deg: float) -> None:
     R = look(25, 12, 2)
