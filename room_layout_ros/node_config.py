@@ -56,6 +56,9 @@ class NodeConfig:
     warm_start: bool = setting(
         True, "hand the axes of one frame to the next (false: each frame alone, bit-equal to the offline result)"
     )
+    deadline_ms: float = setting(
+        0.0, "after this time the search ends with the best layout so far (0: no deadline)", "ms", 0.0, 10000.0
+    )
     # pose of the camera over the floor
     pose_source: str = setting(
         "auto",

@@ -28,7 +28,9 @@ class Estimator(Protocol):
 
     config: EstimatorConfig
 
-    def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None = None) -> RoomEstimate:
+    def estimate(
+        self, frame: RgbdFrame, prior: TemporalPrior | None = None, expired: Callable[[], bool] = ...
+    ) -> RoomEstimate:
         """Estimate the room in one frame."""
         ...
 

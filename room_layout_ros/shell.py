@@ -158,8 +158,11 @@ class Shell:
         return None if floor is None else floor.normal
 
     def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None, settings: Settings) -> RoomEstimate:
-        """Estimate the room."""
-        return settings.estimator.estimate(frame, prior)
+        """Estimate the room, within the deadline where there is one."""
+        if settings.node.deadline_ms <= 0:
+            return settings.estimator.estimate(frame, prior)
+        end = time.monotonic() + settings.node.deadline_ms * 1e-3
+        return settings.estimator.estimate(frame, prior, lambda: time.monotonic() > end)
 
     def publish(self, frame: RgbdFrame, estimate: RoomEstimate, settings: Settings) -> None:
         """Send what somebody listens to."""
