@@ -68,11 +68,12 @@ class LayoutEstimator:
             return no_estimate(Status.NO_DEPTH, frame, run.timings_ms)
         inverse_depth = None if geometry is None else geometry.inverse_depth
 
-        segments = None if color is None else run("lines", compute_line_segments, color, config)
-        axes = run("axes", find_axes, geometry, segments, camera, config, prior or TemporalPrior())
+        with run.beside("superpixels", compute_superpixels, color, inverse_depth, config) as superpixels_found:
+            segments = None if color is None else run("lines", compute_line_segments, color, config)
+            axes = run("axes", find_axes, geometry, segments, camera, config, prior or TemporalPrior())
         if axes is None:
             return no_estimate(Status.NO_ROOM, frame, run.timings_ms)
-        superpixels = run("superpixels", compute_superpixels, color, inverse_depth, config)
+        superpixels = superpixels_found()
         if config.method == "depth" and geometry is not None:
             return run("layout", estimate_from_depth, frame, geometry, axes, superpixels, run.timings_ms)
 
@@ -85,8 +86,7 @@ class LayoutEstimator:
         count = config.axes_hypotheses if metric else config.axes_hypotheses_rgb
         evidence = run("evidence", gather_hypotheses, superpixels, axes, camera, context, orientation, metric, count)
         joint = run("joint", estimate_joint, camera, superpixels, evidence, geometry, models.joint, config, expired)
-        room = run("refinement", refine_cuboid, joint, geometry, camera, superpixels, context)
-        furniture = run("furniture", find_furniture, superpixels, joint.labels, features, models.furniture)
-        return run(
-            "conclusion", conclude, frame, axes, superpixels, joint, room, furniture, models.confidence, run.timings_ms
-        )
+        with run.beside("furniture", find_furniture, superpixels, joint.labels, features, models.furniture) as drawn:
+            room = run("refinement", refine_cuboid, joint, geometry, camera, superpixels, context)
+        confidence = models.confidence
+        return conclude(frame, axes, superpixels, joint, room, drawn(), confidence, run.timings_ms)
