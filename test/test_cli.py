@@ -115,6 +115,8 @@ def test_an_interrupt_ends_with_130_and_leaves_no_result(tmp_path: Path, rng: np
         [sys.executable, "-m", "room_layout_ros.cli", "estimate", str(folder), "--out", str(tmp_path / "out")],
         stderr=subprocess.PIPE,
         cwd=Path(__file__).parent.parent,
+        # A test run in the background of a script ignores SIGINT, and children inherit that.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     deadline = time.monotonic() + 60
     while not list(tmp_path.glob("out/layout/*.png")) and time.monotonic() < deadline:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from .confidence import ConfidenceModel, Signs, state_confidence
@@ -18,13 +19,15 @@ from .layout import RoomCuboid
 from .manhattan import ManhattanFrame
 from .room_balance import balance_faces
 from .room_cells import image_cells, room_cells
-from .room_cost import IMAGE_COSTS, FittedRoom
+from .room_cost import IMAGE_COSTS, FittedRoom, rate_room
 from .room_refinement import refine_room
 from .room_search import search_room
 from .superpixels import Superpixels
 from .wall_naming import name_walls
 
 _LEAST_FACE_PX = 30
+_HOPELESS = 1.15
+"""A start that costs this much more than the other is not refined; it hardly ever ends up better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +76,9 @@ def refine_cuboid(
         measured = 0.0
     else:
         cells = room_cells(geometry, context, superpixels.index)
-        starts = (start, search_room(cells, cuboid.R_room_camera))
-        room = min((refine_room(cells, start) for start in starts), key=lambda room: room.cost)
+        starts = (rate_room(cells, start), search_room(cells, cuboid.R_room_camera))
+        limit = _HOPELESS * min(start.cost for start in starts)
+        room = min((refine_room(cells, start) for start in starts if start.cost <= limit), key=lambda room: room.cost)
         measured = geometry.measured
     balance = balance_faces(cells, room.R_room_camera, room.distances)
     return RefinedRoom(RoomCuboid(room.R_room_camera, room.distances), room.cost, balance, measured, certainty)
@@ -82,7 +86,7 @@ def refine_cuboid(
 
 def faces_in_view(layout: NDArray[np.uint8]) -> NDArray[np.bool_]:
     """(5,) bool: faces that cover more than a few pixels of a layout image."""
-    return np.bincount(layout.ravel(), minlength=N_FACES + 1)[1 : N_FACES + 1] >= _LEAST_FACE_PX
+    return np.asarray(_count_faces(layout)[1 : N_FACES + 1] >= _LEAST_FACE_PX)
 
 
 def conclude(
@@ -108,7 +112,7 @@ def conclude(
     return RoomEstimate(
         status=Status.OK if joint.solution.finished else Status.DEADLINE,
         layout=layout,
-        labels=np.where(clutter[superpixels.index], np.uint8(CLUTTER), layout),
+        labels=_paint_labels(layout, superpixels.index, clutter),
         furniture=furniture,
         superpixels=superpixels.index,
         R_room_camera=cuboid.R_room_camera,
@@ -138,3 +142,25 @@ def gather_signs(
     of_frame = np.array([room.cost, axes.confidence, room.certainty, mean_belief, room.measured])
     of_faces = np.column_stack([room.balance, belief])
     return Signs(of_frame, np.where((origin >= 0)[:, None], of_faces[origin], 0.0))
+
+
+@njit(cache=True, nogil=True)
+def _count_faces(layout):  # type: ignore[no-untyped-def]
+    counts = np.zeros(256, np.int64)
+    height, width = layout.shape
+    for y in range(height):
+        for x in range(width):
+            counts[layout[y, x]] += 1
+    return counts
+
+
+@njit(cache=True, nogil=True)
+def _paint_labels(layout, index, clutter):  # type: ignore[no-untyped-def]
+    """The layout, with clutter over the superpixels that are."""
+    labels = layout.copy()
+    height, width = layout.shape
+    for y in range(height):
+        for x in range(width):
+            if clutter[index[y, x]]:
+                labels[y, x] = CLUTTER
+    return labels

@@ -15,6 +15,9 @@ from .manhattan import ManhattanFrame
 from .superpixels import Superpixels
 from .wall_naming import rename_walls
 
+_LEAST_FACING = np.cos(np.deg2rad(60.0))
+"""A wall turned away from the camera by more is not tried as the front one where another is."""
+
 
 def describe_superpixels(
     superpixels: Superpixels,
@@ -62,7 +65,9 @@ def gather_hypotheses(
         Orientation map under `axes.R_room_camera`; renamed likewise.
     """
     hypotheses = []
-    for R in axes.hypotheses[:count]:
+    for k, R in enumerate(axes.hypotheses[:count]):
+        if k > 0 and R[2, 2] < _LEAST_FACING:
+            continue
         hypotheses.append(
             FrameEvidence(
                 R_room_camera=R,

@@ -13,6 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from .room_cells import RoomCells
+
 COSTS = np.array([1.5, 0.8, 0.12, 0.004, 0.10, 0.025, 0.7, 0.0])
 """Wrong kind of face (also: no face), clutter beyond, clutter apart per metre (to 1 m), each face in use, tolerance
 in m and per metre, factor for wall beyond (windows, doors and mirrors show what is behind), wall of another name (depth
@@ -32,6 +34,14 @@ class FittedRoom:
     R_room_camera: NDArray[np.float64]
     distances: NDArray[np.float64]
     cost: float
+
+
+def rate_room(cells: RoomCells, room: FittedRoom) -> FittedRoom:
+    """Return the room with its cost."""
+    R, distances = room.R_room_camera, room.distances
+    n = len(cells.rays)
+    cost = mean_cost(cells.rays, cells.inverse_depth, cells.probability, R, distances, COSTS, n, np.inf)
+    return FittedRoom(R, distances, float(cost))
 
 
 @njit(cache=True, nogil=True)
