@@ -26,7 +26,7 @@ from .superpixels import Superpixels
 from .wall_naming import name_walls
 
 _LEAST_FACE_PX = 30
-_HOPELESS = 1.15
+_HOPELESS = 1.03
 """A start that costs this much more than the other is not refined; it hardly ever ends up better."""
 
 
