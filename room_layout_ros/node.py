@@ -102,12 +102,16 @@ def lifecycle_main(args: Sequence[str] | None = None) -> int:
 def _run(make_node: Callable[[], Any], args: Sequence[str] | None) -> int:
     ended = True
     try:
+        initialised = False
         try:
             rclpy.init(args=None if args is None else list(args))
+            initialised = True
             node = make_node()
         except (KeyboardInterrupt, ExternalShutdownException):
             return 0
         except _SETTINGS_ERRORS as error:
+            if initialised and not ok():  # a signal ended the context while the node was made
+                return 0
             print(f"estimator: {error}", file=sys.stderr)
             return 2
         executor = SingleThreadedExecutor()
