@@ -15,13 +15,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from room_layout_ros.commands.evaluate import choose_frames
+from room_layout_ros.commands.evaluate import subset_names
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.core.confidence import save_confidence
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.models import CONFIDENCE_FILE
-from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, FrameSource, Sample, open_source
+from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, Sample, open_source
 from room_layout_ros.evaluation.confidence_fit import LEAST_FRAMES, JudgedSigns, fit_confidence, judge_signs
 from room_layout_ros.learning.train_run import choose_names
 from room_layout_ros.parallel import map_ordered
@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     source = open_source(arguments.input)
     if not isinstance(source, FramesFolder):
         raise DataError(f"{arguments.input} is no frames folder; calibrate needs one")
-    held_out = () if arguments.hold_out is None else _names(choose_frames(source, arguments.hold_out))
+    held_out = subset_names(source, arguments.hold_out)
     fitted = [n for n in source.names if (arguments.fits / "layout" / f"{n}.png").is_file()]
     names = choose_names(fitted, held_out, arguments.frames)
     if len(names) < LEAST_FRAMES:
@@ -64,10 +64,6 @@ def run(arguments: argparse.Namespace) -> int:
     save_confidence(fit_confidence(judged, card), path)
     print(f"{path} from {len(judged)} frames", file=sys.stderr)
     return 0
-
-
-def _names(source: FrameSource) -> tuple[str, ...]:
-    return source.names if isinstance(source, FramesFolder) else ()
 
 
 def _judge(fits: Path, with_depth: bool, item: Sample | BadFrame) -> JudgedSigns | None:

@@ -104,6 +104,12 @@ def choose_frames(source: FrameSource, subset: str | None) -> FrameSource:
     return source.subset(tuple(name for name in source.names if name in with_layout))
 
 
+def subset_names(source: FrameSource, subset: str | None) -> tuple[str, ...]:
+    """Return the names of a subset as `choose_frames` has it; none without a subset."""
+    chosen = None if subset is None else choose_frames(source, subset)
+    return chosen.names if isinstance(chosen, FramesFolder) else ()
+
+
 def _names(source: FramesFolder, subset: str) -> tuple[str, ...]:
     splits_path = source.path / "splits.json"
     splits = json.loads(splits_path.read_text("utf-8")) if splits_path.exists() else {}

@@ -17,7 +17,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from room_layout_ros.commands.evaluate import choose_frames
+from room_layout_ros.commands.evaluate import subset_names
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.evidence.geometric_context import ContextModel, save_context
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     source = open_source(arguments.input)
     if not isinstance(source, FramesFolder):
         raise DataError(f"{source.title} is no frames folder; training needs one with labels40/")
-    held_out = _held_out(source, arguments.hold_out)
+    held_out = subset_names(source, arguments.hold_out)
     arguments.out.mkdir(parents=True, exist_ok=True)
     config = train.TrainConfig(svm=svm, folds=arguments.folds, algorithm=arguments.algorithm)
     estimator = EstimatorConfig(use_depth=not arguments.rgb_only)
@@ -162,10 +162,3 @@ class _Run:
 
 def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
-
-
-def _held_out(source: FramesFolder, subset: str | None) -> tuple[str, ...]:
-    if subset is None:
-        return ()
-    chosen = choose_frames(source, subset)
-    return chosen.names if isinstance(chosen, FramesFolder) else ()

@@ -104,11 +104,15 @@ def conclude(
     A pixel of a superpixel that is structure has the face of the layout there (a superpixel may lie across an edge
     of the room); all pixels of a clutter superpixel are clutter.
     """
-    cuboid, origin = name_walls(room.cuboid, faces_in_view(room.cuboid.raster(frame.camera)))
-    layout = cuboid.raster(frame.camera)
+    layout = room.cuboid.raster(frame.camera)
+    seen = faces_in_view(layout)
+    cuboid, origin = name_walls(room.cuboid, seen)
+    if cuboid is not room.cuboid:
+        layout = cuboid.raster(frame.camera)
+        seen = faces_in_view(layout)
     clutter = joint.labels == CLUTTER
     signs = gather_signs(axes, joint, room, origin)
-    confidence, face_confidence = state_confidence(signs, faces_in_view(layout), model)
+    confidence, face_confidence = state_confidence(signs, seen, model)
     return RoomEstimate(
         status=Status.OK if joint.solution.finished else Status.DEADLINE,
         layout=layout,

@@ -35,7 +35,6 @@ class DepthGeometry:
     ----------
     inverse_depth : (H, W) float32, 1/m; 0 where nothing was measured.
     measured : share of pixels with depth, 0..1.
-    step_m : float, quantisation of the sensor at 2 m in m (0 where none shows); 8-bit depth has about 0.04.
     moments : (rows, cols, 10) float64 sums per cell of `CELL_PX` pixels, see `MOMENTS`.
     """
 

@@ -7,8 +7,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
-from .layout import FACE_AXIS, FACE_SIGN
 from .room_cells import RoomCells
+from .room_cost import face_of_ray, plane_rows
 
 _ON_PLANE_SIGMAS = 3.0
 
@@ -20,8 +20,8 @@ def balance_faces(
 
     Cells of structure on its plane and cells beyond it, as shares of the face's own cells; its share of all cells.
     """
-    inverse_normals = FACE_SIGN[:, None] * R_room_camera[FACE_AXIS] / distances[:, None]
-    counts = _balance(cells.rays, cells.inverse_depth, cells.probability, inverse_normals, distances)
+    m = plane_rows(R_room_camera, distances)
+    counts = _balance(cells.rays, cells.inverse_depth, cells.probability, m, distances)
     own = np.maximum(counts[:, 2], 1.0)
     return np.column_stack([counts[:, 0] / own, counts[:, 1] / own, counts[:, 2] / len(cells.rays)])
 
@@ -30,11 +30,7 @@ def balance_faces(
 def _balance(rays, inverse_depth, probability, m, distances):  # type: ignore[no-untyped-def]
     counts = np.zeros((5, 3))
     for i in range(len(rays)):
-        best, face = 1e-3, -1
-        for k in range(5):
-            value = m[k, 0] * rays[i, 0] + m[k, 1] * rays[i, 1] + m[k, 2] * rays[i, 2]
-            if value > best:
-                best, face = value, k
+        face, best = face_of_ray(m, rays[i])
         if face < 0:
             continue
         counts[face, 2] += 1.0

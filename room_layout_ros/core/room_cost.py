@@ -36,11 +36,11 @@ class FittedRoom:
     cost: float
 
 
-def rate_room(cells: RoomCells, room: FittedRoom) -> FittedRoom:
+def rate_room(cells: RoomCells, room: FittedRoom, costs: NDArray[np.float64] = COSTS) -> FittedRoom:
     """Return the room with its cost."""
     R, distances = room.R_room_camera, room.distances
     n = len(cells.rays)
-    cost = mean_cost(cells.rays, cells.inverse_depth, cells.probability, R, distances, COSTS, n, np.inf)
+    cost = mean_cost(cells.rays, cells.inverse_depth, cells.probability, R, distances, costs, n, np.inf)
     return FittedRoom(R, distances, float(cost))
 
 
@@ -58,17 +58,24 @@ def plane_rows(R, distances):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def face_of_ray(m, ray):  # type: ignore[no-untyped-def]
+    """(face 0..4 that a ray of the camera hits, -1 for none; the inverse depth there) for rows m = n_k / d_k."""
+    best, face = 1e-3, -1  # a face more than a kilometre away is no face
+    for k in range(5):
+        value = m[k, 0] * ray[0] + m[k, 1] * ray[1] + m[k, 2] * ray[2]
+        if value > best:
+            best, face = value, k
+    return face, best
+
+
+@njit(cache=True, nogil=True)
 def mean_cost(rays, inverse_depth, probability, R, distances, costs, count, limit):  # type: ignore[no-untyped-def]
     """Mean cost of a cuboid over the first `count` cells, see `COSTS`; inf as soon as it must be above `limit`."""
     m = plane_rows(R, distances)
     total = 0.0
     stop = limit * count
     for i in range(count):
-        best, face = 1e-3, -1  # a face more than a kilometre away is no face
-        for k in range(5):
-            value = m[k, 0] * rays[i, 0] + m[k, 1] * rays[i, 1] + m[k, 2] * rays[i, 2]
-            if value > best:
-                best, face = value, k
+        face, best = face_of_ray(m, rays[i])
         walls = probability[i, 2] + probability[i, 3] + probability[i, 4]
         structure = probability[i, 0] + probability[i, 1] + walls
         clutter = probability[i, 5]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
 from .room_cells import INTERLEAVED_PARTS, RoomCells
-from .room_cost import COSTS, MIN_DISTANCE_M, FittedRoom, mean_cost, plane_rows
+from .room_cost import COSTS, MIN_DISTANCE_M, FittedRoom, face_of_ray, mean_cost, plane_rows, rate_room
 
 _REFINED_PARTS = 3
 """The pattern search looks at so many of the interleaved parts of the cells; least squares at all."""
@@ -31,9 +31,7 @@ def refine_room(cells: RoomCells, room: FittedRoom, costs: NDArray[np.float64] =
     )
     R, distances = _polish(cells.rays, cells.inverse_depth, cells.probability, R, distances)
     u, _, vt = np.linalg.svd(R)
-    R = np.asarray(u @ vt)
-    cost = mean_cost(cells.rays, cells.inverse_depth, cells.probability, R, distances, costs, len(cells.rays), np.inf)
-    return FittedRoom(R, distances, float(cost))
+    return rate_room(cells, FittedRoom(np.asarray(u @ vt), distances, np.inf), costs)
 
 
 @njit(cache=True, nogil=True)
@@ -105,11 +103,7 @@ def _normal_equations(rays, inverse_depth, probability, R, distances, scale):  #
         w = inverse_depth[i]
         if w <= 0.0:
             continue
-        best, face = 1e-3, -1
-        for k in range(5):
-            value = m[k, 0] * rays[i, 0] + m[k, 1] * rays[i, 1] + m[k, 2] * rays[i, 2]
-            if value > best:
-                best, face = value, k
+        face, best = face_of_ray(m, rays[i])
         if face < 0:
             continue
         mine = probability[i, face] if face < 2 else probability[i, 2] + probability[i, 3] + probability[i, 4]
