@@ -57,14 +57,6 @@ def paint_depth(depth_m: NDArray[np.float32], nearest: float | None = None, fart
     return np.where(seen[..., None], colors, 0).astype(np.uint8)
 
 
-def paint_share(share: NDArray[np.floating]) -> Image:
-    """Return a map of 0..1 in colours, NaN black."""
-    finite = np.isfinite(share)
-    level = (np.clip(np.where(finite, share, 0), 0, 1) * 255).astype(np.uint8)
-    colors = np.asarray(cv2.applyColorMap(level, cv2.COLORMAP_VIRIDIS)[..., ::-1], np.uint8)
-    return np.where(finite[..., None], colors, np.uint8(0))
-
-
 def draw_outlines(image: Image, layout: Image, color: tuple[int, int, int], width: int = 3) -> Image:
     """Return the picture with the borders between the layout's faces drawn over it."""
     border = np.zeros(layout.shape, np.uint8)

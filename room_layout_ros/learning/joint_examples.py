@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,11 +170,6 @@ def _true_scale(problem: JointProblem, cuboid: RoomCuboid, R: NDArray[np.float64
     known = [d for d in distances if np.isfinite(d)]
     scales = problem.scales
     return float(scales[np.abs(scales - known[0]).argmin()]) if known else float(scales[-1])
-
-
-def without_region(problem: JointProblem) -> JointProblem:
-    """Return the problem as the estimator would see it: without the truth in its atoms' names."""
-    return replace(problem, atom_region=np.zeros_like(problem.atom_region))
 
 
 assert N_LABELS == CLUTTER
