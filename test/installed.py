@@ -9,6 +9,7 @@ import subprocess
 import sys
 import sysconfig
 import time
+import uuid
 from pathlib import Path
 
 NOT_SOURCE = shutil.ignore_patterns(
@@ -43,16 +44,19 @@ def environment(prefix: Path, *, path: Path) -> dict[str, str]:
 def run_node_until_seen(command: list[str], env: dict[str, str], cwd: Path, name: str = "estimator") -> tuple[int, str]:
     """Start a node, wait until it shows in the ROS graph, end it with SIGINT; return its exit code and output.
 
+    It gets a namespace of its own: a node that another test killed stays in the graph for some seconds.
+
     Raises
     ------
     AssertionError
         When it ends before it is seen, is not seen within a minute, or does not end within seconds.
     """
-    log = cwd / "node.log"
+    log, namespace = cwd / "node.log", f"/run_{uuid.uuid4().hex}"
     with log.open("wb") as output:
-        node = subprocess.Popen(command, env=env, cwd=cwd, stdout=output, stderr=subprocess.STDOUT)
+        alone = [*command, "--ros-args", "-r", f"__ns:={namespace}"]
+        node = subprocess.Popen(alone, env=env, cwd=cwd, stdout=output, stderr=subprocess.STDOUT)
     try:
-        _wait_until_seen(node, name, log)
+        _wait_until_seen(node, (name, namespace), log)
         node.send_signal(signal.SIGINT)
         code = node.wait(NODE_EXIT_S)
     except subprocess.TimeoutExpired:
@@ -63,7 +67,7 @@ def run_node_until_seen(command: list[str], env: dict[str, str], cwd: Path, name
     return code, log.read_text("utf-8")
 
 
-def _wait_until_seen(node: subprocess.Popen[bytes], name: str, log: Path) -> None:
+def _wait_until_seen(node: subprocess.Popen[bytes], name: tuple[str, str], log: Path) -> None:
     import rclpy
     from rclpy.context import Context
 
@@ -72,9 +76,9 @@ def _wait_until_seen(node: subprocess.Popen[bytes], name: str, log: Path) -> Non
     try:
         watcher = rclpy.create_node("watcher", context=context)
         deadline = time.monotonic() + NODE_READY_S
-        while name not in watcher.get_node_names():
+        while name not in watcher.get_node_names_and_namespaces():
             assert node.poll() is None, f"ended with {node.returncode}:\n{log.read_text()}"
-            assert time.monotonic() < deadline, f"no node {name} within {NODE_READY_S} s:\n{log.read_text()}"
+            assert time.monotonic() < deadline, f"no node {'/'.join(name)} within {NODE_READY_S} s:\n{log.read_text()}"
             time.sleep(0.1)
         watcher.destroy_node()
     finally:
