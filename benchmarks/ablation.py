@@ -35,7 +35,8 @@ from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.lines import compute_line_segments
 from room_layout_ros.core.manhattan import ManhattanFrame, find_axes
-from room_layout_ros.core.models import Models, load_models
+from room_layout_ros.core.models import Models, load_models, load_scene_network
+from room_layout_ros.core.scene_network import SceneScores, SuperpixelScene, compute_scene_scores, pool_scene
 from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
 from room_layout_ros.core.tracking import TemporalPrior
 from room_layout_ros.core.weights import BLOCKS, VARIANTS, ModelWeights, start_weights
@@ -75,6 +76,8 @@ class Stages:
     superpixels: Superpixels
     context: NDArray[np.float64]
     orientation: Image | None
+    scores: SceneScores | None
+    scene: SuperpixelScene | None
     milliseconds: float
 
 
@@ -193,7 +196,7 @@ def _score(sample: Sample, row: Row | None) -> tuple[float, float, float, float]
 
 def _apply(variant: Variant, frame: RgbdFrame, cache: dict[object, Stages | None]) -> Row | None:
     config = variant.config
-    key = (config.use_depth, config.superpixel_lambda_depth, variant.lines_in_axes)
+    key = (config.use_depth, config.superpixel_lambda_depth, config.scene_network, variant.lines_in_axes)
     if key not in cache:
         cache[key] = _prepare(frame, config, variant.lines_in_axes)
     stages = cache[key]
@@ -208,13 +211,15 @@ def _apply(variant: Variant, frame: RgbdFrame, cache: dict[object, Stages | None
         camera,
         stages.context,
         stages.orientation,
+        stages.scene,
         metric,
         config.axes_hypotheses if metric else config.axes_hypotheses_rgb,
     )
-    joint = estimate_joint(camera, superpixels, evidence, geometry, variant.weights(load_models(metric)), config)
+    weights = variant.weights(load_models(metric, stages.scene is not None))
+    joint = estimate_joint(camera, superpixels, evidence, geometry, weights, config)
     room = joint.cuboid
     if variant.refined:
-        room = refine_cuboid(joint, geometry, camera, superpixels, stages.context).cuboid
+        room = refine_cuboid(joint, geometry, camera, superpixels, stages.context, axes, stages.scores).cuboid
     layout, labels = _paint(room, joint.labels, superpixels, frame)
     milliseconds = stages.milliseconds + 1e3 * (time.thread_time() - start)
     return Row(layout, labels, joint.cuboid.raster(camera), milliseconds)
@@ -238,9 +243,13 @@ def _prepare(frame: RgbdFrame, config: EstimatorConfig, lines_in_axes: bool) -> 
     if axes is None:
         return None
     superpixels = compute_superpixels(frame.color, inverse_depth, config)
-    features, orientation = describe_superpixels(superpixels, frame.color, inverse_depth, axes, frame.camera, segments)
-    context = compute_geometric_context(features, load_models(geometry is not None).context)
-    return Stages(geometry, axes, superpixels, context, orientation, 1e3 * (time.thread_time() - start))
+    scores = compute_scene_scores(frame.color, load_scene_network() if config.scene_network else None)
+    scene = None if scores is None else pool_scene(scores, superpixels.index, superpixels.count)
+    features, orientation = describe_superpixels(
+        superpixels, frame.color, inverse_depth, axes, frame.camera, segments, scene
+    )
+    context = compute_geometric_context(features, load_models(geometry is not None, scene is not None).context)
+    return Stages(geometry, axes, superpixels, context, orientation, scores, scene, 1e3 * (time.thread_time() - start))
 
 
 def _simple(frame: RgbdFrame) -> Row | None:

@@ -20,6 +20,7 @@ COMMANDS = {
     "convert": "make a bag of a frames folder and back",
     "render": "render a synthetic walk with exact truth",
     "fit": "fit layouts to labelled frames",
+    "scene": "train the network that looks at the colour image",
     "train": "learn the weights of the model",
     "calibrate": "calibrate the confidences on frames with known layouts",
     "evaluate": "measure against ground truth",

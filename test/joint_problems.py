@@ -31,6 +31,7 @@ def random_problem(
     number = np.arange(nodes * 36)
     counts = count_cells(compute_ray_grid(CAMERA, R, rays, 64), atoms, len(number))
     context = rng.dirichlet(np.full(6, 0.5), nodes)
+    scene = rng.dirichlet(np.full(5, 0.5), nodes)
     atom_superpixel = (number // 36).astype(np.int32)
     orientation = np.eye(6)[number // 6 % 6, 1:]
     right = [(i, i + 1) for i in range(nodes) if (i + 1) % columns]
@@ -47,7 +48,7 @@ def random_problem(
     return JointProblem(
         counts=counts,
         atom_superpixel=atom_superpixel,
-        atom_feature=np.concatenate([orientation, context[atom_superpixel]], axis=1),
+        atom_feature=np.concatenate([orientation, context[atom_superpixel], scene[atom_superpixel]], axis=1),
         atom_region=(number % 6).astype(np.uint8),
         label_gc=context,
         label_om=rng.dirichlet(np.ones(5), nodes),

@@ -108,18 +108,22 @@ def face_seen(ray: F64, R: F64, distances: F64, least: float = 1e-3) -> tuple[in
     return (k, 1 / values[k]) if values[k] > least else (-1, np.inf)
 
 
-def mean_cost(rays: F64, inverse_depth: F64, probability: F64, R: F64, distances: F64, costs: F64) -> float:
+def mean_cost(
+    rays: F64, inverse_depth: F64, probability: F64, behind: F64, R: F64, distances: F64, costs: F64
+) -> float:
     """The cost of a cuboid as docs/method.md has it, cell by cell."""
-    wrong_kind, beyond, apart, in_use, slack, slack_per_m, wall_beyond, wrong_wall = costs
+    wrong_kind, beyond, apart, in_use, slack, slack_per_m, wall_beyond, wrong_wall, kind, name = costs
     total = 0.0
-    for ray, w, p in zip(rays, inverse_depth, probability, strict=True):
+    for ray, w, p, q in zip(rays, inverse_depth, probability, behind, strict=True):
         face, _ = face_seen(ray, R, distances)
         structure, clutter = p[:5].sum(), p[5]
         if face < 0:
-            total += wrong_kind * structure + beyond * clutter
+            total += wrong_kind * structure + beyond * clutter + kind * q.sum()
             continue
         is_wall = face >= 2
         mine = p[2:5].sum() if is_wall else p[face]
+        likely = q[2:].sum() if is_wall else q[face]
+        total += kind * (q.sum() - likely) + (name * (likely - q[face]) if is_wall else 0.0)
         total += wrong_kind * (structure - mine) + (wrong_wall * (mine - p[face]) if is_wall else 0.0)
         if w <= 0:
             continue

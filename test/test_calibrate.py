@@ -10,7 +10,7 @@ import pytest
 from room_layout_ros.cli import main as room_layout
 from room_layout_ros.core.confidence import load_confidence
 from room_layout_ros.core.frame import CameraIntrinsics
-from room_layout_ros.core.models import CONFIDENCE_FILE
+from room_layout_ros.core.models import model_file
 from room_layout_ros.datasets import good_samples
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.datasets.writers import FolderWriter
@@ -35,8 +35,8 @@ def calibrate(rooms: Path, out: Path, *more: str) -> int:
 
 @pytest.mark.parametrize("more", ((), ("--rgb-only",)))
 def test_coefficients_are_written_with_their_origin(rooms: Path, tmp_path: Path, more: tuple[str, ...]) -> None:
-    assert calibrate(rooms, tmp_path / "new" / "out", *more) == 0
-    model = load_confidence(tmp_path / "new" / "out" / CONFIDENCE_FILE[not more])
+    assert calibrate(rooms, tmp_path / "new" / "out", "--plain", *more) == 0
+    model = load_confidence(tmp_path / "new" / "out" / model_file("confidence", not more, with_scene=False))
     assert np.isfinite(model.frame).all()
     assert np.isfinite(model.face).all()
     assert model.frame[:-1].any()

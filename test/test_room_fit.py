@@ -32,14 +32,16 @@ def cells_of(frame: RgbdFrame, labels: NDArray[np.uint8]) -> RoomCells:
     """Cells whose probabilities are the true labels."""
     geometry = compute_depth_geometry(frame, CONFIG)
     assert geometry is not None
-    return room_cells(geometry, np.eye(6), labels.astype(np.int32) - 1)
+    behind = np.eye(5)[np.where(labels == CLUTTER, 0, labels - 1)]
+    return room_cells(geometry, np.eye(6), labels.astype(np.int32) - 1, behind)
 
 
 def random_cells(rng: np.random.Generator, n: int) -> RoomCells:
     w = rng.uniform(0.1, 1.5, n)
     w[rng.random(n) < 0.2] = 0.0
     rays = np.column_stack([rng.uniform(-0.6, 0.6, (n, 2)), np.ones(n)])
-    return RoomCells(rays, w, rng.dirichlet(np.ones(6), n) * rng.uniform(0.7, 1.0, (n, 1)))
+    labels, faces = rng.dirichlet(np.ones(6), n), rng.dirichlet(np.ones(5), n)
+    return RoomCells(rays, w, labels * rng.uniform(0.7, 1.0, (n, 1)), faces)
 
 
 def random_room(rng: np.random.Generator) -> tuple[F64, F64]:
@@ -61,11 +63,11 @@ def hidden_walls(sample: Sample) -> list[float]:
 
 
 def test_the_cost_equals_the_cost_cell_by_cell(rng: np.random.Generator) -> None:
-    costs = rng.uniform(0.05, 1.5, 8)
+    costs = rng.uniform(0.05, 1.5, 10)
     for _ in range(30):
         cells = random_cells(rng, 60)
         R, distances = random_room(rng)
-        arrays = (cells.rays, cells.inverse_depth, cells.probability, R, distances)
+        arrays = (cells.rays, cells.inverse_depth, cells.probability, cells.behind, R, distances)
         fast = mean_cost(*arrays, costs, 60, np.inf)
         assert fast == pytest.approx(naive_room.mean_cost(*arrays, costs), rel=1e-10)
 
@@ -73,7 +75,7 @@ def test_the_cost_equals_the_cost_cell_by_cell(rng: np.random.Generator) -> None
 def test_a_cost_above_the_limit_is_infinite_and_below_it_is_exact(rng: np.random.Generator) -> None:
     cells = random_cells(rng, 640)
     R, distances = random_room(rng)
-    arrays = (cells.rays, cells.inverse_depth, cells.probability, R, distances, COSTS, 640)
+    arrays = (cells.rays, cells.inverse_depth, cells.probability, cells.behind, R, distances, COSTS, 640)
     cost = mean_cost(*arrays, np.inf)
     assert mean_cost(*arrays, cost * 1.01) == cost
     assert mean_cost(*arrays, cost * 0.5) == np.inf
@@ -120,7 +122,7 @@ def test_an_exact_room_costs_nothing_but_its_faces_and_every_other_room_costs_mo
     frame, room = seen_from_inside(HALF)
     cells = cells_of(frame, room.raster(HALF))
     seen = np.where(np.isin(np.arange(1, 6), room.raster(HALF)), room.distances, np.inf)
-    arrays = (cells.rays, cells.inverse_depth, cells.probability)
+    arrays = (cells.rays, cells.inverse_depth, cells.probability, cells.behind)
     best = mean_cost(*arrays, room.R_room_camera, seen, COSTS, len(cells.rays), np.inf)
     assert best < COSTS[3] * 5 + 0.06  # cells across an edge of the room are of two kinds
     for _ in range(20):
@@ -151,7 +153,8 @@ def test_faces_out_of_view_are_not_made_up() -> None:
 
 
 def test_where_nothing_is_measured_and_nothing_known_the_search_still_ends() -> None:
-    cells = RoomCells(np.column_stack([np.zeros((60, 2)), np.ones(60)]), np.zeros(60), np.zeros((60, 6)))
+    rays = np.column_stack([np.zeros((60, 2)), np.ones(60)])
+    cells = RoomCells(rays, np.zeros(60), np.zeros((60, 6)), np.zeros((60, 5)))
     fitted = refine_room(cells, search_room(cells, np.eye(3)))
     assert np.isfinite(fitted.cost)
     assert not np.isnan(fitted.distances).any()

@@ -20,7 +20,7 @@ from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.core.confidence import save_confidence
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
-from room_layout_ros.core.models import CONFIDENCE_FILE
+from room_layout_ros.core.models import model_file
 from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, Sample, open_source
 from room_layout_ros.evaluation.confidence_fit import LEAST_FRAMES, JudgedSigns, fit_confidence, judge_signs
 from room_layout_ros.learning.train_run import choose_names
@@ -33,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fits", type=Path, required=True, metavar="FITS", help="folder with layout/NAME.png")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the coefficients")
     parser.add_argument("--rgb-only", action="store_true", help="for operation without depth")
+    parser.add_argument("--plain", action="store_true", help="for operation without the scene network")
     parser.add_argument("--hold-out", metavar="SUBSET", help="list of splits.json, file or names never to use")
     parser.add_argument("--frames", type=int, metavar="N", help="use at most so many frames, evenly spread")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="local processes (default 1)")
@@ -48,7 +49,8 @@ def run(arguments: argparse.Namespace) -> int:
     names = choose_names(fitted, held_out, arguments.frames)
     if len(names) < LEAST_FRAMES:
         raise DataError(f"{arguments.fits} has layouts for {len(names)} frames; at least {LEAST_FRAMES} are needed")
-    work = partial(_judge, arguments.fits, not arguments.rgb_only)
+    config = EstimatorConfig(use_depth=not arguments.rgb_only, scene_network=not arguments.plain)
+    work = partial(_judge, arguments.fits, config)
     with progress_bar("calibrate", len(names)) as progress:
         found = list(map_ordered(work, source.subset(tuple(names)), arguments.jobs, None, progress, None))
     judged = [j for j in found if j is not None]
@@ -60,19 +62,15 @@ def run(arguments: argparse.Namespace) -> int:
         "command": "room-layout calibrate " + " ".join(sys.argv[2:]),
     }
     arguments.out.mkdir(parents=True, exist_ok=True)
-    path = arguments.out / CONFIDENCE_FILE[not arguments.rgb_only]
+    path = arguments.out / model_file("confidence", not arguments.rgb_only, not arguments.plain)
     save_confidence(fit_confidence(judged, card), path)
     print(f"{path} from {len(judged)} frames", file=sys.stderr)
     return 0
 
 
-def _judge(fits: Path, with_depth: bool, item: Sample | BadFrame) -> JudgedSigns | None:
+def _judge(fits: Path, config: EstimatorConfig, item: Sample | BadFrame) -> JudgedSigns | None:
     if isinstance(item, BadFrame):
         return None
     layout = cv2.imread(str(fits / "layout" / f"{item.frame.name}.png"), cv2.IMREAD_UNCHANGED)
-    estimate = _estimator(with_depth).estimate(item.frame)
+    estimate = LayoutEstimator(config).estimate(item.frame)
     return None if layout is None else judge_signs(estimate, np.asarray(layout, np.uint8))
-
-
-def _estimator(with_depth: bool) -> LayoutEstimator:
-    return LayoutEstimator(EstimatorConfig(use_depth=with_depth))

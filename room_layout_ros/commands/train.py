@@ -2,10 +2,11 @@
 
 DIR gets:
   context_rgbd.npz    classifier of superpixels (geometric context), of all frames
+  furniture_rgbd.npz  classifier of clutter superpixels, likewise
   joint_rgbd.npz      weights of the joint energy, by a structured SVM on out-of-fold context
   training.json       settings, progress and cross-validated losses
   work/               checkpoints (a stopped run goes on where it was) and cached examples; may be deleted afterwards
-With --rgb-only the files are context_rgb.npz and joint_rgb.npz. Copy them into config/ to make them the default.
+With --rgb-only the files end in _rgb, without --scene in _plain. Copy them into config/ to make them the default.
 """
 
 from __future__ import annotations
@@ -20,14 +21,16 @@ from typing import Any
 from room_layout_ros.commands.evaluate import subset_names
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.core.config import EstimatorConfig
-from room_layout_ros.core.evidence.geometric_context import ContextModel, save_context
-from room_layout_ros.core.models import CONTEXT_FILE, JOINT_FILE
+from room_layout_ros.core.layout import RoomCuboid
+from room_layout_ros.core.models import model_file
 from room_layout_ros.core.weights import ModelWeights, save_weights, start_weights
 from room_layout_ros.datasets import DataError, FramesFolder, open_source
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.learning import train
+from room_layout_ros.learning.context import train_context, train_furniture
 from room_layout_ros.learning.fit_frame import read_fits
 from room_layout_ros.learning.joint_examples import JointExample
+from room_layout_ros.learning.scene_folds import SceneFolds, read_folds
 from room_layout_ros.learning.structured_svm import SvmConfig, SvmProgress, SvmResult
 from room_layout_ros.learning.train_run import (
     RunStages,
@@ -46,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("input", type=Path, metavar="FOLDER", help="frames folder with depth/ and labels40/")
     add("--out", type=Path, required=True, metavar="DIR", help="folder for the models, made if missing")
     add("--fits", type=Path, metavar="DIR", help="output of room-layout fit (default: fit now)")
+    add("--scene", type=Path, metavar="DIR", help="output of room-layout scene (default: learn without the network)")
     add("--rgb-only", action="store_true", help="learn the models for use without depth")
     add("--hold-out", metavar="SUBSET", help="list of splits.json, file or names of frames never to learn from")
     add("--frames", type=int, metavar="N", help="learn from at most so many frames, evenly spread")
@@ -71,9 +75,10 @@ def run(arguments: argparse.Namespace) -> int:
     held_out = subset_names(source, arguments.hold_out)
     arguments.out.mkdir(parents=True, exist_ok=True)
     config = train.TrainConfig(svm=svm, folds=arguments.folds, algorithm=arguments.algorithm)
-    estimator = EstimatorConfig(use_depth=not arguments.rgb_only)
+    estimator = EstimatorConfig(use_depth=not arguments.rgb_only, scene_network=arguments.scene is not None)
+    networks = None if arguments.scene is None else read_folds(arguments.scene)
     with open_workers(arguments.jobs, arguments.scheduler) as spread:
-        _Run(arguments, source, config, estimator, spread).go(held_out)
+        _Run(arguments, source, config, estimator, networks, spread).go(held_out)
     return 0
 
 
@@ -83,6 +88,7 @@ class _Run:
     source: FramesFolder
     config: train.TrainConfig
     estimator: EstimatorConfig
+    networks: SceneFolds | None
     spread: Spread
 
     def go(self, held_out: tuple[str, ...]) -> None:
@@ -91,7 +97,7 @@ class _Run:
         names = set(choose_names([n for n in self.source.names if n in rooms], held_out, self.arguments.frames))
         with progress_bar("describe", len(names)) as progress:
             chosen = {n: r for n, r in rooms.items() if n in names}
-            descriptions = describe_frames(self.source, chosen, self.estimator, self.spread, progress)
+            descriptions = describe_frames(self.source, chosen, self.estimator, self.spread, progress, self.networks)
         contexts = train.out_of_fold_context(descriptions, self.config, _say)
         examples = train.build_examples(descriptions, contexts, self.estimator)
         _say(f"{len(examples)} of {len(descriptions)} frames can be stated under the axes found")
@@ -107,14 +113,24 @@ class _Run:
         facts["cross_validation"] = self.cross_validate(examples)
         result = self.learn(examples, "all")
         self.write(ModelWeights(result.weights), train.card_of(self.config, result, facts), result)
-        _say("context: all frames")
-        model = train.full_context(descriptions, self.config.context)
-        card = {key: facts[key] for key in ("data", "frames", "held_out", "depth", "command")}
-        path = self.arguments.out / CONTEXT_FILE[self.estimator.use_depth]
-        save_context(ContextModel(model.names, model.structure, model.face, card), path)
-        print(f"{path}\n{self.arguments.out / JOINT_FILE[self.estimator.use_depth]}")
+        paths = self.classify(rooms, held_out, facts)
+        print("\n".join(str(path) for path in (*paths, self.path("joint"))))
 
-    def rooms(self) -> dict[str, Any]:
+    def path(self, kind: str) -> Path:
+        return self.arguments.out / model_file(kind, self.estimator.use_depth, self.networks is not None)
+
+    def classify(self, rooms: dict[str, RoomCuboid], held_out: tuple[str, ...], facts: dict[str, Any]) -> list[Path]:
+        """Grow the forests that ship: of all frames, degraded ones and rendered rooms."""
+        paths = [self.path("context"), self.path("furniture")]
+        numbers = tuple(train.frame_numbers(held_out))
+        about = {key: facts[key] for key in ("command",)}
+        _, table = train_context(
+            self.source, rooms, paths[0], self.estimator, numbers, facts=about, progress=_say, networks=self.networks
+        )
+        train_furniture(table, paths[1], facts=about)
+        return paths
+
+    def rooms(self) -> dict[str, RoomCuboid]:
         if self.arguments.fits is not None:
             return dict(read_fits(self.arguments.fits))
         with progress_bar("fit", self.source.length) as progress:
@@ -138,7 +154,8 @@ class _Run:
         return train.learn_weights(separator, self.config, start, show, stages.folder / "checkpoint.npz")
 
     def start(self) -> ModelWeights:
-        return start_weights().variant("full" if self.estimator.use_depth else "rgb")
+        weights = start_weights().variant("full" if self.estimator.use_depth else "rgb")
+        return weights if self.networks is not None else weights.variant("no_scene")
 
     def cross_validate(self, examples: list[JointExample]) -> list[dict[str, float]]:
         if not self.arguments.validate:
@@ -155,7 +172,7 @@ class _Run:
 
     def write(self, weights: ModelWeights, card: dict[str, Any], result: SvmResult) -> None:
         out = self.arguments.out
-        save_weights(dataclasses.replace(weights, card=card), out / JOINT_FILE[self.estimator.use_depth])
+        save_weights(dataclasses.replace(weights, card=card), self.path("joint"))
         rows = [dataclasses.asdict(row) for row in result.history]
         write_atomically(out / "training.json", json.dumps({**card, "history": rows}, indent=1).encode())
 

@@ -22,8 +22,9 @@ from .room_cells import image_cells, room_cells
 from .room_cost import IMAGE_COSTS, FittedRoom, rate_room
 from .room_refinement import refine_room
 from .room_search import search_room
+from .scene_network import SceneScores
 from .superpixels import Superpixels
-from .wall_naming import name_walls
+from .wall_naming import name_walls, rename_walls
 
 _LEAST_FACE_PX = 30
 _HOPELESS = 1.03
@@ -54,6 +55,8 @@ def refine_cuboid(
     camera: CameraIntrinsics,
     superpixels: Superpixels,
     context: NDArray[np.float64],
+    axes: ManhattanFrame,
+    scores: SceneScores | None,
 ) -> RefinedRoom:
     """Turn the axes and move the planes of the discrete optimum to the best continuous cuboid.
 
@@ -65,17 +68,21 @@ def refine_cuboid(
     joint : JointEstimate
     geometry : DepthGeometry or None
     context : (K, 6) float64 label probabilities.
+    axes : ManhattanFrame, in whose naming the scene network sees the walls.
+    scores : SceneScores or None
+        The face behind each part of the image, which counts besides.
     """
     cuboid = joint.cuboid
+    behind = None if scores is None else rename_walls(scores.layout, axes.R_room_camera, cuboid.R_room_camera)
     certainty = float(np.average(context.max(axis=1), weights=superpixels.pixels))
     start = FittedRoom(cuboid.R_room_camera, cuboid.distances, np.inf)
     if geometry is None:
         believed = 0.5 * context + 0.5 * np.eye(N_LABELS)[joint.labels.astype(np.intp) - 1]
-        cells = image_cells(camera, believed, superpixels.index)
+        cells = image_cells(camera, believed, superpixels.index, behind)
         room = refine_room(cells, start, IMAGE_COSTS)
         measured = 0.0
     else:
-        cells = room_cells(geometry, context, superpixels.index)
+        cells = room_cells(geometry, context, superpixels.index, behind)
         starts = (rate_room(cells, start), search_room(cells, cuboid.R_room_camera))
         limit = _HOPELESS * min(start.cost for start in starts)
         room = min((refine_room(cells, start) for start in starts if start.cost <= limit), key=lambda room: room.cost)

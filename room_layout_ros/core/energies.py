@@ -24,7 +24,7 @@ from .plane_fit import N_FIT, PlaneFit
 from .ray_grid import N_SIDES, SIDE_FACE
 from .weights import BLOCKS, N_FEATURES, SLICES, ModelWeights, physical_table
 
-N_LAYOUT_FEATURES = 11
+N_LAYOUT_FEATURES = 16
 _TABLE = physical_table()
 _REVERSED = [1, 0, 3, 2, 5, 4]
 _FRONT = FRONT_WALL - 1
@@ -39,7 +39,8 @@ class JointProblem:
     counts : CellCounts
         Of the atoms; an atom lies in one superpixel and all its pixels have one orientation.
     atom_superpixel : (A,) int32.
-    atom_feature : (A, 11) float64, per pixel of the atom: orientation map (5, one-hot), geometric context (6).
+    atom_feature : (A, 16) float64, per pixel of the atom: orientation map (5, one-hot), geometric context (6), layout
+        by the scene network (5; 0 without it).
     atom_region : (A,) uint8, the true face in learning, else 0.
     label_gc : (K, 6) float64 probabilities of geometric context.
     label_om : (K, 5) float64 share of each superpixel's pixels per orientation.
@@ -136,7 +137,7 @@ class ExtraCosts:
 
 def layout_costs(problem: JointProblem, weights: ModelWeights, extra: ExtraCosts | None = None) -> NDArray[np.float64]:
     """Return the cost of one pixel of each atom in each face, E_layout only: (A, 5)."""
-    w = np.concatenate([weights.block("layout_om"), weights.block("layout_gc")], axis=1)
+    w = np.concatenate([weights.block(name) for name in ("layout_om", "layout_gc", "layout_scene")], axis=1)
     cost = problem.atom_feature @ w.T / problem.pixels
     if extra is not None:
         cost += extra.face / np.maximum(problem.counts.pixels, 1.0)[:, None]
@@ -277,7 +278,7 @@ def joint_features(
     support, violation, absent = _plane_features(problem, layout, scale)
     blocks = {
         "layout_om": layout_features[:, :N_FACES],
-        "layout_gc": layout_features[:, N_FACES:],
+        "layout_gc": layout_features[:, N_FACES : N_FACES + N_LABELS],
         "label_gc": problem.label_gc.T @ area,
         "label_depth": np.einsum("ktl,kl->tl", depth, area).ravel(),
         "pair": pair,
@@ -290,6 +291,7 @@ def joint_features(
         "plane_fit": _fit_features(problem, area, layout, scale),
         "face_absent": absent,
         "front_axis": np.array([problem.front_axis]),
+        "layout_scene": layout_features[:, N_FACES + N_LABELS :],
     }
     phi = np.empty(N_FEATURES)
     for name in BLOCKS:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 
 from .conclusion import conclude, refine_cuboid
@@ -17,7 +18,8 @@ from .furniture import find_furniture
 from .joint import estimate_joint
 from .lines import compute_line_segments
 from .manhattan import find_axes
-from .models import load_models
+from .models import load_models, load_scene_network
+from .scene_network import compute_scene_scores, pool_scene
 from .stage_clock import StageClock
 from .superpixels import compute_superpixels
 from .tracking import TemporalPrior
@@ -40,7 +42,10 @@ class LayoutEstimator:
 
     def __init__(self, config: EstimatorConfig | None = None, models: Path | None = None) -> None:
         self.config = config or EstimatorConfig()
-        self.models = {with_depth: load_models(with_depth, models) for with_depth in (True, False)}
+        looks = self.config.scene_network and self.config.method == "joint"
+        self.network = load_scene_network(models) if looks else None
+        ways = product((True, False), (True, False) if looks else (False,))
+        self.models = {way: load_models(*way, models) for way in ways}
 
     def estimate(
         self, frame: RgbdFrame, prior: TemporalPrior | None = None, expired: Callable[[], bool] = lambda: False
@@ -68,25 +73,31 @@ class LayoutEstimator:
             return no_estimate(Status.NO_DEPTH, frame, run.timings_ms)
         inverse_depth = None if geometry is None else geometry.inverse_depth
 
-        with run.beside("superpixels", compute_superpixels, color, inverse_depth, config) as superpixels_found:
+        with (
+            run.beside("scene", compute_scene_scores, color, self.network) as scores_found,
+            run.beside("superpixels", compute_superpixels, color, inverse_depth, config) as superpixels_found,
+        ):
             segments = None if color is None else run("lines", compute_line_segments, color, config)
             axes = run("axes", find_axes, geometry, segments, camera, config, prior or TemporalPrior())
         if axes is None:
             return no_estimate(Status.NO_ROOM, frame, run.timings_ms)
-        superpixels = superpixels_found()
+        superpixels, scores = superpixels_found(), scores_found()
         if config.method == "depth" and geometry is not None:
             return run("layout", estimate_from_depth, frame, geometry, axes, superpixels, run.timings_ms)
 
         metric = geometry is not None
-        models = self.models[metric]
+        models = self.models[metric, scores is not None]
+        scene = None if scores is None else run("pooling", pool_scene, scores, superpixels.index, superpixels.count)
         features, orientation = run(
-            "features", describe_superpixels, superpixels, color, inverse_depth, axes, camera, segments
+            "features", describe_superpixels, superpixels, color, inverse_depth, axes, camera, segments, scene
         )
         context = run("context", compute_geometric_context, features, models.context)
         count = config.axes_hypotheses if metric else config.axes_hypotheses_rgb
-        evidence = run("evidence", gather_hypotheses, superpixels, axes, camera, context, orientation, metric, count)
+        evidence = run(
+            "evidence", gather_hypotheses, superpixels, axes, camera, context, orientation, scene, metric, count
+        )
         joint = run("joint", estimate_joint, camera, superpixels, evidence, geometry, models.joint, config, expired)
         with run.beside("furniture", find_furniture, superpixels, joint.labels, features, models.furniture) as drawn:
-            room = run("refinement", refine_cuboid, joint, geometry, camera, superpixels, context)
+            room = run("refinement", refine_cuboid, joint, geometry, camera, superpixels, context, axes, scores)
         confidence = models.confidence
         return conclude(frame, axes, superpixels, joint, room, drawn(), confidence, run.timings_ms)

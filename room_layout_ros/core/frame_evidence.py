@@ -12,6 +12,7 @@ from .frame import CameraIntrinsics
 from .joint_problem import FrameEvidence
 from .lines import LineSegments, classify_segments
 from .manhattan import ManhattanFrame
+from .scene_network import SuperpixelScene
 from .superpixels import Superpixels
 from .wall_naming import rename_walls
 
@@ -26,6 +27,7 @@ def describe_superpixels(
     axes: ManhattanFrame,
     camera: CameraIntrinsics,
     segments: LineSegments | None,
+    scene: SuperpixelScene | None,
 ) -> tuple[SuperpixelFeatures, NDArray[np.uint8] | None]:
     """Features of the superpixels under the first naming of the axes, and the orientation map they use.
 
@@ -41,7 +43,7 @@ def describe_superpixels(
         line_class = classify_segments(segments, R, camera)
         orientation = compute_orientation_map(segments, line_class, R, camera)
     features = compute_superpixel_features(
-        superpixels, color, inverse_depth, R, camera, segments, line_class, orientation
+        superpixels, color, inverse_depth, R, camera, segments, line_class, orientation, scene
     )
     return features, orientation
 
@@ -52,6 +54,7 @@ def gather_hypotheses(
     camera: CameraIntrinsics,
     context: NDArray[np.float64],
     orientation: NDArray[np.uint8] | None,
+    scene: SuperpixelScene | None,
     with_depth: bool,
     count: int,
 ) -> tuple[FrameEvidence, ...]:
@@ -63,6 +66,8 @@ def gather_hypotheses(
         Geometric context under `axes.R_room_camera`; walls are renamed for the others.
     orientation : (H, W) uint8 or None
         Orientation map under `axes.R_room_camera`; renamed likewise.
+    scene : SuperpixelScene or None
+        What the scene network says; its layout is renamed likewise.
     """
     hypotheses = []
     for k, R in enumerate(axes.hypotheses[:count]):
@@ -74,6 +79,7 @@ def gather_hypotheses(
                 orientation=None if orientation is None else _rename_image(orientation, axes.R_room_camera, R),
                 context=rename_walls(context, axes.R_room_camera, R),
                 depth_cues=compute_depth_cues(superpixels, R, camera) if with_depth else None,
+                scene_layout=None if scene is None else rename_walls(scene.layout, axes.R_room_camera, R),
             )
         )
     return tuple(hypotheses)

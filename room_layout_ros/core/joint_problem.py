@@ -45,12 +45,14 @@ class FrameEvidence:
     orientation : (H, W) uint8 orientation map, 0 or face id 1..5.
     context : (K, 6) probabilities of geometric context, in the order of the labels.
     depth_cues : (K, 12) six cosines and six distances, each in the order of the labels.
+    scene_layout : (K, 5) probabilities of the faces of the empty room, by the scene network.
     """
 
     R_room_camera: NDArray[np.float64]
     orientation: NDArray[np.uint8] | None = None
     context: NDArray[np.float64] | None = None
     depth_cues: NDArray[np.float64] | None = None
+    scene_layout: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,13 +128,14 @@ def build_joint_problem(
     context = (
         np.full((K, N_LABELS), 1.0 / N_LABELS) if evidence.context is None else np.asarray(evidence.context, np.float64)
     )
+    behind = np.zeros((K, N_FACES)) if evidence.scene_layout is None else np.asarray(evidence.scene_layout, np.float64)
     held = np.bincount(atom_superpixel * _N_ORIENTATIONS + orientation, counts.pixels, K * _N_ORIENTATIONS)
     held = held.reshape(K, _N_ORIENTATIONS)
     cues = np.zeros((K, 12)) if evidence.depth_cues is None else np.asarray(evidence.depth_cues, np.float64)
     return JointProblem(
         counts=counts,
         atom_superpixel=atom_superpixel,
-        atom_feature=np.concatenate([_ONE_HOT[orientation], context[atom_superpixel]], axis=1),
+        atom_feature=np.concatenate([_ONE_HOT[orientation], context[atom_superpixel], behind[atom_superpixel]], axis=1),
         atom_region=region.astype(np.uint8),
         label_gc=context,
         label_om=held[:, 1:] / np.maximum(held.sum(axis=1), 1.0)[:, None],

@@ -9,18 +9,16 @@ from pathlib import Path
 from .confidence import ConfidenceModel, load_confidence
 from .evidence.geometric_context import ContextModel, load_context
 from .furniture import FurnitureModel, load_furniture
+from .scene_network import SceneNetwork, load_network
 from .weights import ModelWeights, WeightsError, load_weights
 
-JOINT_FILE = {True: "joint_rgbd.npz", False: "joint_rgb.npz"}
-CONTEXT_FILE = {True: "context_rgbd.npz", False: "context_rgb.npz"}
-FURNITURE_FILE = {True: "furniture_rgbd.npz", False: "furniture_rgb.npz"}
-CONFIDENCE_FILE = {True: "confidence_rgbd.npz", False: "confidence_rgb.npz"}
-"""Files per operation: with depth, without."""
+SCENE_FILE = "scene.npz"
+"""The scene network; it sees colour only, so there is one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Models:
-    """What was learned for one way of operation (with depth or without).
+    """What was learned for one way of operation.
 
     Attributes
     ----------
@@ -36,15 +34,36 @@ class Models:
     confidence: ConfidenceModel
 
 
-def load_models(with_depth: bool, folder: Path | None = None) -> Models:
-    """Load the models from a folder, the installation's own by default.
+def model_file(kind: str, with_depth: bool, with_scene: bool = True) -> str:
+    """Return the name of a file of `Models` for a way of operation.
+
+    Parameters
+    ----------
+    kind : name of a field of `Models`. with_depth : RGB-D or RGB. with_scene : with the scene network, or without.
+    """
+    return f"{kind}_{'rgbd' if with_depth else 'rgb'}{'' if with_scene else '_plain'}.npz"
+
+
+def load_models(with_depth: bool, with_scene: bool = True, folder: Path | None = None) -> Models:
+    """Load the models for a way of operation from a folder, the installation's own by default.
 
     Raises
     ------
     WeightsError
         When a file is missing or damaged; one sentence.
     """
-    return _load(with_depth, folder or config_folder())
+    return _load(with_depth, with_scene, folder or config_folder())
+
+
+def load_scene_network(folder: Path | None = None) -> SceneNetwork:
+    """Load the scene network from a folder, the installation's own by default.
+
+    Raises
+    ------
+    WeightsError
+        When the file is missing or damaged; one sentence.
+    """
+    return _load_network((folder or config_folder()) / SCENE_FILE)
 
 
 def config_folder() -> Path:
@@ -55,18 +74,27 @@ def config_folder() -> Path:
     WeightsError
         When there is none.
     """
+    needed = model_file("context", with_depth=True, with_scene=False)
     for parent in Path(__file__).resolve().parents:
         for folder in (parent / "config", parent / "share" / "room_layout_ros" / "config"):
-            if (folder / CONTEXT_FILE[True]).is_file():
+            if (folder / needed).is_file():
                 return folder
-    raise WeightsError(f"no folder with {CONTEXT_FILE[True]} above {Path(__file__).parent}; install the package again")
+    raise WeightsError(f"no folder with {needed} above {Path(__file__).parent}; install the package again")
 
 
 @cache
-def _load(with_depth: bool, folder: Path) -> Models:
+def _load(with_depth: bool, with_scene: bool, folder: Path) -> Models:
+    def path(kind: str) -> Path:
+        return folder / model_file(kind, with_depth, with_scene)
+
     return Models(
-        load_weights(folder / JOINT_FILE[with_depth]),
-        load_context(folder / CONTEXT_FILE[with_depth]),
-        load_furniture(folder / FURNITURE_FILE[with_depth]),
-        load_confidence(folder / CONFIDENCE_FILE[with_depth]),
+        load_weights(path("joint")),
+        load_context(path("context")),
+        load_furniture(path("furniture")),
+        load_confidence(path("confidence")),
     )
+
+
+@cache
+def _load_network(path: Path) -> SceneNetwork:
+    return load_network(path)

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from .room_cells import RoomCells
 
-COSTS = np.array([1.5, 0.8, 0.12, 0.004, 0.10, 0.025, 0.7, 0.0])
+COSTS = np.array([1.5, 0.8, 0.12, 0.004, 0.10, 0.025, 0.7, 0.0, 0.3, 0.1])
 """Wrong kind of face (also: no face), clutter beyond, clutter apart per metre (to 1 m), each face in use, tolerance
 in m and per metre, factor for wall beyond (windows, doors and mirrors show what is behind), wall of another name (depth
-decides better). Unit: a wall cell that is off its plane."""
+decides better); by the scene network's layout: another kind of face, wall of another name. Unit: a wall cell that is
+off its plane."""
 
-IMAGE_COSTS = np.append(COSTS[:7], 0.5)
+IMAGE_COSTS = np.concatenate([COSTS[:7], [0.5, 1.0, 1.0]])
 """The same for cells without depth, where the name is all that tells one wall from the next."""
 
 MIN_DISTANCE_M = 0.05
@@ -40,7 +41,7 @@ def rate_room(cells: RoomCells, room: FittedRoom, costs: NDArray[np.float64] = C
     """Return the room with its cost."""
     R, distances = room.R_room_camera, room.distances
     n = len(cells.rays)
-    cost = mean_cost(cells.rays, cells.inverse_depth, cells.probability, R, distances, costs, n, np.inf)
+    cost = mean_cost(cells.rays, cells.inverse_depth, cells.probability, cells.behind, R, distances, costs, n, np.inf)
     return FittedRoom(R, distances, float(cost))
 
 
@@ -69,7 +70,7 @@ def face_of_ray(m, ray):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def mean_cost(rays, inverse_depth, probability, R, distances, costs, count, limit):  # type: ignore[no-untyped-def]
+def mean_cost(rays, inverse_depth, probability, behind, R, distances, costs, count, limit):  # type: ignore[no-untyped-def]
     """Mean cost of a cuboid over the first `count` cells, see `COSTS`; inf as soon as it must be above `limit`."""
     m = plane_rows(R, distances)
     total = 0.0
@@ -79,9 +80,15 @@ def mean_cost(rays, inverse_depth, probability, R, distances, costs, count, limi
         walls = probability[i, 2] + probability[i, 3] + probability[i, 4]
         structure = probability[i, 0] + probability[i, 1] + walls
         clutter = probability[i, 5]
+        wall_behind = behind[i, 2] + behind[i, 3] + behind[i, 4]
+        known = behind[i, 0] + behind[i, 1] + wall_behind
         if face < 0:
-            total += costs[0] * structure + costs[1] * clutter
+            total += costs[0] * structure + costs[1] * clutter + costs[8] * known
             continue
+        likely = behind[i, face] if face < 2 else wall_behind
+        total += costs[8] * (known - likely)
+        if face >= 2:
+            total += costs[9] * (likely - behind[i, face])
         mine = probability[i, face] if face < 2 else walls
         total += costs[0] * (structure - mine)
         if face >= 2:

@@ -27,7 +27,7 @@ _POLISH_SIGMAS = 4.0
 def refine_room(cells: RoomCells, room: FittedRoom, costs: NDArray[np.float64] = COSTS) -> FittedRoom:
     """Pattern search over rotations and finite distances, halving the steps, then least squares on the inliers."""
     R, distances, _ = _refine(
-        cells.rays, cells.inverse_depth, cells.probability, room.R_room_camera, room.distances, costs
+        cells.rays, cells.inverse_depth, cells.probability, cells.behind, room.R_room_camera, room.distances, costs
     )
     R, distances = _polish(cells.rays, cells.inverse_depth, cells.probability, R, distances)
     u, _, vt = np.linalg.svd(R)
@@ -35,10 +35,10 @@ def refine_room(cells: RoomCells, room: FittedRoom, costs: NDArray[np.float64] =
 
 
 @njit(cache=True, nogil=True)
-def _refine(rays, inverse_depth, probability, R, distances, costs):  # type: ignore[no-untyped-def]
+def _refine(rays, inverse_depth, probability, behind, R, distances, costs):  # type: ignore[no-untyped-def]
     distances = distances.copy()
     count = len(rays) * _REFINED_PARTS // INTERLEAVED_PARTS
-    best = mean_cost(rays, inverse_depth, probability, R, distances, costs, count, np.inf)
+    best = mean_cost(rays, inverse_depth, probability, behind, R, distances, costs, count, np.inf)
     turn, shift = _FIRST_TURN_RAD, _FIRST_SHIFT_M
     for _ in range(_HALVINGS):
         for _ in range(_ROUNDS):
@@ -53,7 +53,7 @@ def _refine(rays, inverse_depth, probability, R, distances, costs):  # type: ign
                     else:
                         trial = distances.copy()
                         trial[k - 3] = max(trial[k - 3] + sign * shift, MIN_DISTANCE_M)
-                    cost = mean_cost(rays, inverse_depth, probability, trial_R, trial, costs, count, best)
+                    cost = mean_cost(rays, inverse_depth, probability, behind, trial_R, trial, costs, count, best)
                     if cost < best - 1e-7:
                         best, improved = cost, True
                         R, distances = trial_R, trial

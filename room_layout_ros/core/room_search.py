@@ -28,7 +28,7 @@ def search_room(cells: RoomCells, R: NDArray[np.float64]) -> FittedRoom:
     table = np.full((5, sizes.max()), np.inf)
     for face, values in enumerate(candidates):
         table[face, : len(values)] = values
-    distances, cost = _search(cells.rays, cells.inverse_depth, cells.probability, R, table, sizes, COSTS)
+    distances, cost = _search(cells.rays, cells.inverse_depth, cells.probability, cells.behind, R, table, sizes, COSTS)
     return FittedRoom(R, distances, float(cost))
 
 
@@ -76,7 +76,7 @@ def _modes(along: NDArray[np.float64], weight: NDArray[np.float64], count: int) 
 
 
 @njit(cache=True, nogil=True)
-def _search(rays, inverse_depth, probability, R, table, sizes, costs):  # type: ignore[no-untyped-def]
+def _search(rays, inverse_depth, probability, behind, R, table, sizes, costs):  # type: ignore[no-untyped-def]
     trial = table[:, 0].copy()
     coarse = len(rays) // INTERLEAVED_PARTS
     best = np.inf
@@ -85,18 +85,18 @@ def _search(rays, inverse_depth, probability, R, table, sizes, costs):  # type: 
         for j in range(sizes[3]):
             for k in range(sizes[4]):
                 trial[2], trial[3], trial[4] = table[2, i], table[3, j], table[4, k]
-                cost = mean_cost(rays, inverse_depth, probability, R, trial, costs, coarse, best)
+                cost = mean_cost(rays, inverse_depth, probability, behind, R, trial, costs, coarse, best)
                 if cost < best:
                     best = cost
                     distances[:] = trial
-    best = mean_cost(rays, inverse_depth, probability, R, distances, costs, len(rays), np.inf)
+    best = mean_cost(rays, inverse_depth, probability, behind, R, distances, costs, len(rays), np.inf)
     for _ in range(_SWEEPS):
         before = best
         for face in (1, 0, 3, 2, 4):
             trial[:] = distances
             for i in range(sizes[face]):
                 trial[face] = table[face, i]
-                cost = mean_cost(rays, inverse_depth, probability, R, trial, costs, len(rays), best)
+                cost = mean_cost(rays, inverse_depth, probability, behind, R, trial, costs, len(rays), best)
                 if cost < best:
                     best = cost
                     distances[face] = trial[face]

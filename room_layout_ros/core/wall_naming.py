@@ -18,7 +18,7 @@ _LEFT, _FRONT, _RIGHT = LEFT_WALL - 1, FRONT_WALL - 1, RIGHT_WALL - 1
 def rename_walls(
     probability: NDArray[np.float64], R_from: NDArray[np.float64], R_to: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return (K, 6) label probabilities given under the axes `R_from`, named by the axes `R_to`.
+    """Return (..., 5 or 6) probabilities of faces or labels given under the axes `R_from`, named by the axes `R_to`.
 
     When the new front axis is the old X, the right wall becomes the front one, the front one the left, and the old left
     wall is behind the camera; its probability stays with left, the nearest name. The other side likewise. Axes that are
@@ -29,13 +29,13 @@ def rename_walls(
     if abs(along_x) < np.cos(np.deg2rad(30.0)):
         return turned
     if along_x > 0:
-        turned[:, _FRONT] = probability[:, _RIGHT]
-        turned[:, _LEFT] = probability[:, _FRONT] + probability[:, _LEFT]
-        turned[:, _RIGHT] = 0.0
+        turned[..., _FRONT] = probability[..., _RIGHT]
+        turned[..., _LEFT] = probability[..., _FRONT] + probability[..., _LEFT]
+        turned[..., _RIGHT] = 0.0
     else:
-        turned[:, _FRONT] = probability[:, _LEFT]
-        turned[:, _RIGHT] = probability[:, _FRONT] + probability[:, _RIGHT]
-        turned[:, _LEFT] = 0.0
+        turned[..., _FRONT] = probability[..., _LEFT]
+        turned[..., _RIGHT] = probability[..., _FRONT] + probability[..., _RIGHT]
+        turned[..., _LEFT] = 0.0
     return turned
 
 

@@ -42,6 +42,7 @@ BLOCKS: Mapping[str, tuple[int, ...]] = {
     "plane_fit": (5, 3),
     "face_absent": (4,),
     "front_axis": (1,),
+    "layout_scene": (5, 5),
 }
 """Blocks of the feature vector in order (docs/method.md, section 6); the first six are the paper's, the others ours."""
 
@@ -69,6 +70,7 @@ VARIANTS: Mapping[str, tuple[str, ...]] = {
     "no_compatibility": ("compatibility", "plane_fit"),
     "no_planes": ("plane_support", "plane_violation", "plane_fit"),
     "no_pairs": ("pair", "smoothness"),
+    "no_scene": ("layout_scene",),
 }
 """Blocks that are off in each variant of the model (lambda_d = 0 and one alternation are settings, not blocks)."""
 
@@ -167,6 +169,7 @@ def start_weights() -> ModelWeights:
         "plane_fit": np.tile([-0.3, 0.5, 0.3], (5, 1)),
         "face_absent": np.array([-0.01, 0.0, -0.01, -0.01]),
         "front_axis": np.array([0.05]),
+        "layout_scene": -0.8 * np.eye(5),
     }
     return ModelWeights(pack_blocks(blocks), {"name": "start", "origin": "set by hand"})
 

@@ -19,6 +19,7 @@ from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.frame_evidence import describe_superpixels
 from room_layout_ros.core.lines import LineSegments, classify_segments, compute_line_segments
 from room_layout_ros.core.manhattan import ManhattanFrame, find_axes
+from room_layout_ros.core.scene_network import SceneScores, compute_scene_scores, pool_scene
 from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
 from room_layout_ros.core.tracking import TemporalPrior
 
@@ -49,6 +50,7 @@ class Look:
     superpixels: Superpixels | None = None
     context: NDArray[np.float64] | None = None
     cues: NDArray[np.float64] | None = None
+    scores: SceneScores | None = None
 
 
 def look_at(frame: RgbdFrame, estimator: LayoutEstimator) -> Look:
@@ -64,11 +66,13 @@ def look_at(frame: RgbdFrame, estimator: LayoutEstimator) -> Look:
     if axes is None:
         return Look(frame, estimate)
     superpixels = compute_superpixels(color, inverse_depth, config)
-    features, orientation = describe_superpixels(superpixels, color, inverse_depth, axes, camera, segments)
-    context = compute_geometric_context(features, estimator.models[geometry is not None].context)
+    scores = compute_scene_scores(color, estimator.network)
+    scene = None if scores is None else pool_scene(scores, superpixels.index, superpixels.count)
+    features, orientation = describe_superpixels(superpixels, color, inverse_depth, axes, camera, segments, scene)
+    context = compute_geometric_context(features, estimator.models[geometry is not None, scene is not None].context)
     line_class = None if segments is None else classify_segments(segments, axes.R_room_camera, camera)
     cues = None if geometry is None else compute_depth_cues(superpixels, axes.R_room_camera, camera)
-    return Look(frame, estimate, segments, line_class, orientation, superpixels, context, cues)
+    return Look(frame, estimate, segments, line_class, orientation, superpixels, context, cues, scores)
 
 
 def _color(look: Look) -> Image:
@@ -97,6 +101,18 @@ def _context(look: Look) -> Image | None:
     if look.superpixels is None or look.context is None:
         return None
     return evidence_pictures.draw_context(look.frame.color, look.superpixels, look.context)
+
+
+def _scene(look: Look) -> Image | None:
+    if look.scores is None:
+        return None
+    return evidence_pictures.draw_scene(pictures.base_image(look.frame), look.scores.labels)
+
+
+def _behind(look: Look) -> Image | None:
+    if look.scores is None:
+        return None
+    return evidence_pictures.draw_scene(pictures.base_image(look.frame), look.scores.layout)
 
 
 def _cues(look: Look) -> Image | None:
@@ -151,6 +167,8 @@ STAGES: dict[str, tuple[str, Callable[[Look], Image | None]]] = {
     "lines": ("lines along X red, Y green, Z blue", _lines),
     "orientation": ("orientation map", _orientation),
     "context": ("geometric context: mixed colours are doubt", _context),
+    "scene": ("scene network: labels", _scene),
+    "behind": ("scene network: the face behind", _behind),
     "cues": ("depth cues: six cosines, six distances", _cues),
     "support": ("depth on a face green, beyond red, before grey", _support),
     "labels": ("labels", _labels),

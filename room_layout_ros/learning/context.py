@@ -21,6 +21,7 @@ from ..datasets.folder import FramesFolder
 from ..datasets.sample import good_samples
 from ..datasets.synthetic import NOISES
 from .context_table import SYNTHETIC_FIRST, ContextTable, collect_table, join_tables
+from .scene_folds import SceneFolds
 from .synthetic_frames import random_frames
 
 
@@ -45,7 +46,7 @@ class ContextSettings:
     face_leaves: int = 12
     synthetic_frames: int = 480
     synthetic_weight: float = 0.5
-    synthetic_seed: int = 5
+    synthetic_seed: int = 6
     degraded_every: int = 2
     seed: int = 0
 
@@ -66,8 +67,9 @@ def train_context(
     folds: int = 0,
     facts: Mapping[str, Any] | None = None,
     progress: Callable[[str], None] = lambda _: None,
-) -> ContextModel:
-    """Train on a folder of labelled frames and write the model: the weights that ship are made by this call alone.
+    networks: SceneFolds | None = None,
+) -> tuple[ContextModel, ContextTable]:
+    """Train on a folder of labelled frames and write the model; returns the table too, for `train_furniture`.
 
     The same data, arguments and libraries give the same bytes.
 
@@ -82,6 +84,7 @@ def train_context(
     cache : file for the table of features, reused when it exists.
     folds : of the cross-validation whose errors go on the card, 0 for none; takes `folds` times as long.
     facts : more for the card (command, date).
+    networks : scene networks whose features to add.
     """
     settings = settings or (ContextSettings() if config.use_depth else RGB_SETTINGS)
     if cache is not None and cache.exists():
@@ -89,7 +92,7 @@ def train_context(
     else:
         names = tuple(name for name in source.names if not _near(name, held_out, margin))
         progress(f"features of {len(names)} frames and {settings.synthetic_frames} synthetic ones")
-        table = context_examples(source.subset(names), rooms, config, settings)
+        table = context_examples(source.subset(names), rooms, config, settings, networks)
         if cache is not None:
             table.save(cache)
     card: dict[str, Any] = {
@@ -111,18 +114,26 @@ def train_context(
     model = grow(table, np.ones(len(table.frame), bool), settings)
     model = ContextModel(model.names, model.structure, model.face, card)
     save_context(model, out)
-    return model
+    return model, table
 
 
 def context_examples(
-    source: FramesFolder, rooms: Mapping[str, RoomCuboid], config: EstimatorConfig, settings: ContextSettings
+    source: FramesFolder,
+    rooms: Mapping[str, RoomCuboid],
+    config: EstimatorConfig,
+    settings: ContextSettings,
+    networks: SceneFolds | None = None,
 ) -> ContextTable:
     """Collect the rows to learn from: real frames, the same with degraded depth, synthetic rooms."""
-    table = collect_table(good_samples(source), rooms, config, settings.degraded_every, settings.seed)
+    table = collect_table(
+        good_samples(source), rooms, config, settings.degraded_every, settings.seed, networks=networks
+    )
     if settings.synthetic_frames == 0:
         return table
     samples = random_frames(settings.synthetic_frames, settings.synthetic_seed)
-    return join_tables([table, collect_table(samples, {}, config, degraded_every=0, synthetic=True)])
+    unseen = None if networks is None else SceneFolds(networks.folder)  # the network of all frames did not see them
+    synthetic = collect_table(samples, {}, config, degraded_every=0, synthetic=True, networks=unseen)
+    return join_tables([table, synthetic])
 
 
 def domain_errors(table: ContextTable, probability: NDArray[np.float64]) -> dict[str, dict[str, float]]:

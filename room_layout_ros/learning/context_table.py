@@ -18,10 +18,12 @@ from ..core.labels import STRUCTURE_NYU40 as STRUCTURE
 from ..core.layout import RoomCuboid
 from ..core.lines import LineSegments, classify_segments, compute_line_segments
 from ..core.manhattan import estimate_manhattan_frame
+from ..core.scene_network import pool_scene
 from ..core.superpixels import Superpixels, compute_superpixels
 from ..core.vanishing_points import estimate_axes_from_lines
 from ..datasets.sample import Sample
 from .degradation import degrade_depth
+from .scene_folds import SceneFolds
 from .superpixel_truth import class_histogram, label_histogram, true_labels
 
 
@@ -89,6 +91,7 @@ def collect_table(
     degraded_every: int = 1,
     seed: int = 0,
     synthetic: bool = False,
+    networks: SceneFolds | None = None,
 ) -> ContextTable:
     """Compute features and truth of labelled frames; `config.use_depth` decides between RGB-D and RGB.
 
@@ -99,6 +102,7 @@ def collect_table(
     degraded_every : every how many-th frame (by its number) comes a second time with degraded depth
         (`degrade_depth`), if there is depth; 0 for none.
     synthetic : the samples are synthetic: their rooms are known, their numbers start at `SYNTHETIC_FIRST`.
+    networks : scene networks whose features to add.
     """
     parts: list[tuple[SuperpixelFeatures, NDArray[np.float32], NDArray[np.float32], int, int]] = []
     for ordinal, sample in enumerate(samples):
@@ -113,7 +117,7 @@ def collect_table(
             if variant and frame.depth_m is not None:
                 rng = np.random.default_rng((seed, number, variant))
                 frame = replace(frame, depth_m=degrade_depth(frame.depth_m, rng))
-            described = describe_frame(frame, config)
+            described = describe_frame(frame, config, networks)
             if described is None:
                 continue
             superpixels, R, features = described
@@ -145,7 +149,7 @@ def _stack(parts: list[tuple[SuperpixelFeatures, NDArray[np.float32], NDArray[np
 
 
 def describe_frame(
-    frame: RgbdFrame, config: EstimatorConfig
+    frame: RgbdFrame, config: EstimatorConfig, networks: SceneFolds | None = None
 ) -> tuple[Superpixels, NDArray[np.float64], SuperpixelFeatures] | None:
     """Superpixels, axes and features of a frame, by the stages the estimator uses; None without axes."""
     geometry = compute_depth_geometry(frame, config) if config.use_depth else None
@@ -164,7 +168,9 @@ def describe_frame(
     superpixels = compute_superpixels(color, inverse, config)
     line_class = classify_segments(segments, R, frame.camera)
     orientation = compute_orientation_map(segments, line_class, R, frame.camera)
+    scores = None if networks is None or color is None else networks.look(frame)
+    scene = None if scores is None else pool_scene(scores, superpixels.index, superpixels.count)
     features = compute_superpixel_features(
-        superpixels, color, inverse, R, frame.camera, segments, line_class, orientation
+        superpixels, color, inverse, R, frame.camera, segments, line_class, orientation, scene
     )
     return superpixels, R, features

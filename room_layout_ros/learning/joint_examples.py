@@ -20,9 +20,11 @@ from ..core.layout import RoomCuboid
 from ..core.layout_search import Layout, search_layout
 from ..core.lines import compute_line_segments
 from ..core.manhattan import ManhattanFrame, angle_between_frames, find_axes
+from ..core.scene_network import SuperpixelScene, pool_scene
 from ..core.superpixels import Superpixels, compute_superpixels
 from ..core.tracking import TemporalPrior
 from .losses import JointLoss, joint_loss
+from .scene_folds import SceneFolds
 from .superpixel_truth import class_histogram, label_histogram, rename_walls, true_labels
 
 _MAX_UNEXPLAINED = 0.10
@@ -37,6 +39,7 @@ class FrameDescription:
     ----------
     name : of the frame. camera, superpixels, geometry, axes, orientation, features : of the stages.
     cuboid : the true room. labels40 : (H, W) uint8 NYU40 classes.
+    scene : what an honest scene network says, None where none was asked.
     """
 
     name: str
@@ -48,6 +51,7 @@ class FrameDescription:
     features: SuperpixelFeatures
     cuboid: RoomCuboid
     labels40: NDArray[np.uint8]
+    scene: SuperpixelScene | None = None
 
     def class_counts(self) -> NDArray[np.float32]:
         """(K, 41) pixels per NYU40 id."""
@@ -60,7 +64,11 @@ class FrameDescription:
 
 
 def describe(
-    frame: RgbdFrame, cuboid: RoomCuboid, labels40: NDArray[np.uint8], config: EstimatorConfig
+    frame: RgbdFrame,
+    cuboid: RoomCuboid,
+    labels40: NDArray[np.uint8],
+    config: EstimatorConfig,
+    networks: SceneFolds | None = None,
 ) -> FrameDescription | None:
     """Run the stages before the learned parts; None where the estimator itself would give up."""
     geometry = compute_depth_geometry(frame, config) if config.use_depth else None
@@ -73,9 +81,11 @@ def describe(
         return None
     inverse = None if geometry is None else geometry.inverse_depth
     superpixels = compute_superpixels(color, inverse, config)
-    features, orientation = describe_superpixels(superpixels, color, inverse, axes, frame.camera, segments)
+    scores = None if networks is None or color is None else networks.look(frame)
+    scene = None if scores is None else pool_scene(scores, superpixels.index, superpixels.count)
+    features, orientation = describe_superpixels(superpixels, color, inverse, axes, frame.camera, segments, scene)
     return FrameDescription(
-        frame.name, frame.camera, superpixels, geometry, axes, orientation, features, cuboid, labels40
+        frame.name, frame.camera, superpixels, geometry, axes, orientation, features, cuboid, labels40, scene
     )
 
 
@@ -123,7 +133,7 @@ def build_example(
     """
     d = description
     evidence = gather_hypotheses(
-        d.superpixels, d.axes, d.camera, context, d.orientation, d.geometry is not None, hypotheses
+        d.superpixels, d.axes, d.camera, context, d.orientation, d.scene, d.geometry is not None, hypotheses
     )
     true_layout = d.cuboid.raster(d.camera)
     problems, costs, stated = [], [], []

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.config import EstimatorConfig
 from ..core.evidence.features import SuperpixelFeatures
-from ..core.evidence.geometric_context import ContextModel, compute_geometric_context
+from ..core.evidence.geometric_context import compute_geometric_context
 from ..core.labels import N_LABELS, STRUCTURE_NYU40
 from ..core.weights import VARIANTS, ModelWeights, start_weights
 from .context import ContextSettings, grow
@@ -112,12 +112,6 @@ def out_of_fold_context(
             features = SuperpixelFeatures(descriptions[i].features.values, table.names)
             result[i] = compute_geometric_context(features, model)
     return result
-
-
-def full_context(descriptions: Sequence[FrameDescription], settings: ContextSettings) -> ContextModel:
-    """Grow the forests that ship: on all frames."""
-    table = context_table(descriptions)
-    return grow(table, np.ones(len(table.frame), bool), settings)
 
 
 def build_examples(

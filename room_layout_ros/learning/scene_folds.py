@@ -1,0 +1,85 @@
+"""Honest looks at frames to learn from: each by a scene network that has seen neither it nor a neighbour."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from ..core.frame import RgbdFrame
+from ..core.models import SCENE_FILE
+from ..core.scene_network import SceneNetwork, SceneScores, compute_scene_scores, load_network
+from ..datasets import DataError
+
+FOLDS_FILE = "scene_folds.json"
+
+
+@dataclass(frozen=True, slots=True)
+class SceneFold:
+    """A network (file name) that may judge the frames numbered first..last."""
+
+    file: str
+    first: int
+    last: int
+
+
+@dataclass(frozen=True, slots=True)
+class SceneFolds:
+    """Networks in a folder that share out the frames of a data set; frames of no fold are for the one of all frames."""
+
+    folder: Path
+    folds: tuple[SceneFold, ...] = ()
+
+    def look(self, frame: RgbdFrame) -> SceneScores | None:
+        """Look at a frame with the network that is honest about it; None without colour."""
+        number = int(frame.name) if frame.name.isdigit() else -1
+        file = next((fold.file for fold in self.folds if fold.first <= number <= fold.last), SCENE_FILE)
+        return compute_scene_scores(frame.color, _network(self.folder / file))
+
+
+@lru_cache(maxsize=8)
+def _network(path: Path) -> SceneNetwork:
+    return load_network(path)
+
+
+def number_folds(numbers: Sequence[int], count: int) -> list[SceneFold]:
+    """Cut frame numbers into `count` blocks of about as many frames each.
+
+    Raises
+    ------
+    ValueError
+        When there are fewer frames than folds or less than two folds.
+    """
+    if not 2 <= count <= len(numbers):
+        raise ValueError(f"folds is {count}; 2 to the number of frames ({len(numbers)}) are possible")
+    blocks = np.array_split(np.unique(numbers), count)
+    return [SceneFold(f"scene_fold{k}.npz", int(b[0]), int(b[-1])) for k, b in enumerate(blocks)]
+
+
+def write_folds(folder: Path, folds: Sequence[SceneFold]) -> None:
+    """Write which network may judge which frames."""
+    rows = [{"file": fold.file, "first": fold.first, "last": fold.last} for fold in folds]
+    (folder / FOLDS_FILE).write_text(json.dumps(rows, indent=1) + "\n", "utf-8")
+
+
+def read_folds(folder: Path) -> SceneFolds:
+    """Read the output folder of `room-layout scene`.
+
+    Raises
+    ------
+    DataError
+        When the list of folds is missing or bad.
+    """
+    path = folder / FOLDS_FILE
+    try:
+        rows = json.loads(path.read_text("utf-8"))
+        folds = tuple(SceneFold(Path(row["file"]).name, int(row["first"]), int(row["last"])) for row in rows)
+    except OSError as error:
+        raise DataError(f"{path} cannot be read ({error.strerror}); it is made by room-layout scene") from None
+    except (ValueError, KeyError, TypeError):
+        raise DataError(f"{path} is no list of folds; it is made by room-layout scene") from None
+    return SceneFolds(folder, folds)

