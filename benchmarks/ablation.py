@@ -27,9 +27,8 @@ from room_layout_ros.core.conclusion import refine_cuboid
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import DepthGeometry, compute_depth_geometry
 from room_layout_ros.core.depth_estimator import estimate_from_depth
-from room_layout_ros.core.evidence.geometric_context import compute_geometric_context
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.frame_evidence import describe_superpixels, gather_hypotheses
+from room_layout_ros.core.frame_evidence import classify_superpixels, describe_superpixels, gather_hypotheses
 from room_layout_ros.core.joint import estimate_joint
 from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.core.layout import RoomCuboid
@@ -39,7 +38,7 @@ from room_layout_ros.core.models import Models, load_models, load_scene_network
 from room_layout_ros.core.scene_network import SceneScores, SuperpixelScene, compute_scene_scores, pool_scene
 from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
 from room_layout_ros.core.tracking import TemporalPrior
-from room_layout_ros.core.weights import BLOCKS, VARIANTS, ModelWeights, start_weights
+from room_layout_ros.core.weights import BLOCKS, VARIANTS, ModelWeights, start_weights, uses
 from room_layout_ros.datasets import FramesFolder, FrameTruth, Sample, good_samples, open_folder
 from room_layout_ros.evaluation.baselines import percentile_walls
 from room_layout_ros.evaluation.measures import score_pixels
@@ -74,7 +73,7 @@ class Stages:
     geometry: DepthGeometry | None
     axes: ManhattanFrame
     superpixels: Superpixels
-    context: NDArray[np.float64]
+    context: NDArray[np.float64] | None
     orientation: Image | None
     scores: SceneScores | None
     scene: SuperpixelScene | None
@@ -196,7 +195,8 @@ def _score(sample: Sample, row: Row | None) -> tuple[float, float, float, float]
 
 def _apply(variant: Variant, frame: RgbdFrame, cache: dict[object, Stages | None]) -> Row | None:
     config = variant.config
-    key = (config.use_depth, config.superpixel_lambda_depth, config.scene_network, variant.lines_in_axes)
+    evidence_of = tuple(uses(config.joint_variant, f"layout_{kind}") for kind in ("om", "gc", "scene"))
+    key = (config.use_depth, config.superpixel_lambda_depth, config.scene_network, variant.lines_in_axes, evidence_of)
     if key not in cache:
         cache[key] = _prepare(frame, config, variant.lines_in_axes)
     stages = cache[key]
@@ -243,12 +243,14 @@ def _prepare(frame: RgbdFrame, config: EstimatorConfig, lines_in_axes: bool) -> 
     if axes is None:
         return None
     superpixels = compute_superpixels(frame.color, inverse_depth, config)
-    scores = compute_scene_scores(frame.color, load_scene_network() if config.scene_network else None)
+    looks = config.scene_network and uses(config.joint_variant, "layout_scene")
+    scores = compute_scene_scores(frame.color, load_scene_network() if looks else None)
     scene = None if scores is None else pool_scene(scores, superpixels.index, superpixels.count)
     features, orientation = describe_superpixels(
-        superpixels, frame.color, inverse_depth, axes, frame.camera, segments, scene
+        superpixels, frame.color, inverse_depth, axes, frame.camera, segments, scene, config.joint_variant
     )
-    context = compute_geometric_context(features, load_models(geometry is not None, scene is not None).context)
+    forest = load_models(geometry is not None, scene is not None).context
+    context = classify_superpixels(features, forest, config.joint_variant)
     return Stages(geometry, axes, superpixels, context, orientation, scores, scene, 1e3 * (time.thread_time() - start))
 
 

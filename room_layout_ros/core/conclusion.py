@@ -54,7 +54,7 @@ def refine_cuboid(
     geometry: DepthGeometry | None,
     camera: CameraIntrinsics,
     superpixels: Superpixels,
-    context: NDArray[np.float64],
+    context: NDArray[np.float64] | None,
     axes: ManhattanFrame,
     scores: SceneScores | None,
 ) -> RefinedRoom:
@@ -67,12 +67,14 @@ def refine_cuboid(
     ----------
     joint : JointEstimate
     geometry : DepthGeometry or None
-    context : (K, 6) float64 label probabilities.
+    context : (K, 6) float64 label probabilities; None: nothing is known of any.
     axes : ManhattanFrame, in whose naming the scene network sees the walls.
     scores : SceneScores or None
         The face behind each part of the image, which counts besides.
     """
     cuboid = joint.cuboid
+    if context is None:
+        context = np.full((superpixels.count, N_LABELS), 1.0 / N_LABELS)
     behind = None if scores is None else rename_walls(scores.layout, axes.R_room_camera, cuboid.R_room_camera)
     certainty = float(np.average(context.max(axis=1), weights=superpixels.pixels))
     start = FittedRoom(cuboid.R_room_camera, cuboid.distances, np.inf)

@@ -11,9 +11,8 @@ from .config import EstimatorConfig
 from .depth import compute_depth_geometry
 from .depth_estimator import estimate_from_depth
 from .estimate import RoomEstimate, Status, no_estimate
-from .evidence.geometric_context import compute_geometric_context
 from .frame import RgbdFrame
-from .frame_evidence import describe_superpixels, gather_hypotheses
+from .frame_evidence import classify_superpixels, describe_superpixels, gather_hypotheses
 from .furniture import find_furniture
 from .joint import estimate_joint
 from .lines import compute_line_segments
@@ -23,6 +22,7 @@ from .scene_network import compute_scene_scores, pool_scene
 from .stage_clock import StageClock
 from .superpixels import compute_superpixels
 from .tracking import TemporalPrior
+from .weights import uses
 
 
 class LayoutEstimator:
@@ -42,7 +42,8 @@ class LayoutEstimator:
 
     def __init__(self, config: EstimatorConfig | None = None, models: Path | None = None) -> None:
         self.config = config or EstimatorConfig()
-        looks = self.config.scene_network and self.config.method == "joint"
+        seen = uses(self.config.joint_variant, "layout_scene")
+        looks = self.config.scene_network and self.config.method == "joint" and seen
         self.network = load_scene_network(models) if looks else None
         ways = product((True, False), (True, False) if looks else (False,))
         self.models = {way: load_models(*way, models) for way in ways}
@@ -85,13 +86,13 @@ class LayoutEstimator:
         if config.method == "depth" and geometry is not None:
             return run("layout", estimate_from_depth, frame, geometry, axes, superpixels, run.timings_ms)
 
-        metric = geometry is not None
+        metric, variant = geometry is not None, config.joint_variant
         models = self.models[metric, scores is not None]
         scene = None if scores is None else run("pooling", pool_scene, scores, superpixels.index, superpixels.count)
         features, orientation = run(
-            "features", describe_superpixels, superpixels, color, inverse_depth, axes, camera, segments, scene
+            "features", describe_superpixels, superpixels, color, inverse_depth, axes, camera, segments, scene, variant
         )
-        context = run("context", compute_geometric_context, features, models.context)
+        context = run("context", classify_superpixels, features, models.context, variant)
         count = config.axes_hypotheses if metric else config.axes_hypotheses_rgb
         evidence = run(
             "evidence", gather_hypotheses, superpixels, axes, camera, context, orientation, scene, metric, count

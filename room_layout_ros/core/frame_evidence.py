@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from .evidence.depth_cues import compute_depth_cues
 from .evidence.features import SuperpixelFeatures, compute_superpixel_features
+from .evidence.geometric_context import ContextModel, compute_geometric_context
 from .evidence.orientation_map import compute_orientation_map
 from .frame import CameraIntrinsics
 from .joint_problem import FrameEvidence
@@ -15,6 +16,7 @@ from .manhattan import ManhattanFrame
 from .scene_network import SuperpixelScene
 from .superpixels import Superpixels
 from .wall_naming import rename_walls
+from .weights import uses
 
 _LEAST_FACING = np.cos(np.deg2rad(60.0))
 """A wall turned away from the camera by more is not tried as the front one where another is."""
@@ -28,31 +30,46 @@ def describe_superpixels(
     camera: CameraIntrinsics,
     segments: LineSegments | None,
     scene: SuperpixelScene | None,
+    variant: str = "full",
 ) -> tuple[SuperpixelFeatures, NDArray[np.uint8] | None]:
     """Features of the superpixels under the first naming of the axes, and the orientation map they use.
+
+    Parameters
+    ----------
+    variant : str
+        Of the model (`weights.VARIANTS`).
 
     Returns
     -------
     features : SuperpixelFeatures
+        Those of the orientation map are unknown (NaN) where there is none.
     orientation : (H, W) uint8 or None
-        Orientation map; None without colour.
+        Orientation map; None without colour, or in a variant without it.
     """
     R = axes.R_room_camera
     line_class = orientation = None
     if segments is not None:
         line_class = classify_segments(segments, R, camera)
-        orientation = compute_orientation_map(segments, line_class, R, camera)
+        if uses(variant, "layout_om"):
+            orientation = compute_orientation_map(segments, line_class, R, camera)
     features = compute_superpixel_features(
         superpixels, color, inverse_depth, R, camera, segments, line_class, orientation, scene
     )
     return features, orientation
 
 
+def classify_superpixels(
+    features: SuperpixelFeatures, model: ContextModel, variant: str = "full"
+) -> NDArray[np.float64] | None:
+    """(K, 6) geometric context, None in a variant of the model without it."""
+    return compute_geometric_context(features, model) if uses(variant, "layout_gc") else None
+
+
 def gather_hypotheses(
     superpixels: Superpixels,
     axes: ManhattanFrame,
     camera: CameraIntrinsics,
-    context: NDArray[np.float64],
+    context: NDArray[np.float64] | None,
     orientation: NDArray[np.uint8] | None,
     scene: SuperpixelScene | None,
     with_depth: bool,
@@ -62,7 +79,7 @@ def gather_hypotheses(
 
     Parameters
     ----------
-    context : (K, 6) float64
+    context : (K, 6) float64 or None
         Geometric context under `axes.R_room_camera`; walls are renamed for the others.
     orientation : (H, W) uint8 or None
         Orientation map under `axes.R_room_camera`; renamed likewise.
@@ -77,7 +94,7 @@ def gather_hypotheses(
             FrameEvidence(
                 R_room_camera=R,
                 orientation=None if orientation is None else _rename_image(orientation, axes.R_room_camera, R),
-                context=rename_walls(context, axes.R_room_camera, R),
+                context=None if context is None else rename_walls(context, axes.R_room_camera, R),
                 depth_cues=compute_depth_cues(superpixels, R, camera) if with_depth else None,
                 scene_layout=None if scene is None else rename_walls(scene.layout, axes.R_room_camera, R),
             )

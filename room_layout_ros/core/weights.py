@@ -65,14 +65,22 @@ VARIANTS: Mapping[str, tuple[str, ...]] = {
     "full": (),
     "paper": tuple(b for b in BLOCKS if b not in PAPER_BLOCKS),
     "rgb": ("label_depth", "plane_support", "plane_violation", "plane_fit"),
-    "om_only": ("layout_gc", "label_gc"),
-    "gc_only": ("layout_om", "label_om"),
+    "om_only": ("layout_gc", "label_gc", "layout_scene"),
+    "gc_only": ("layout_om", "label_om", "layout_scene"),
     "no_compatibility": ("compatibility", "plane_fit"),
     "no_planes": ("plane_support", "plane_violation", "plane_fit"),
     "no_pairs": ("pair", "smoothness"),
     "no_scene": ("layout_scene",),
 }
-"""Blocks that are off in each variant of the model (lambda_d = 0 and one alternation are settings, not blocks)."""
+"""Blocks that are off in each variant of the model (lambda_d = 0 and one alternation are settings, not blocks).
+
+Evidence whose `layout_` block is off is not gathered at all (`uses`), so it cannot come in by another way: context by
+the profiles of the planes or the refinement, orientation maps by the features of the context."""
+
+
+def uses(variant: str, block: str) -> bool:
+    """Whether a variant of the model has a block."""
+    return block not in VARIANTS[variant]
 
 
 class WeightsError(ValueError):

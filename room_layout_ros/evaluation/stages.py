@@ -14,9 +14,8 @@ from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.evidence import pictures as evidence_pictures
 from room_layout_ros.core.evidence.depth_cues import compute_depth_cues
-from room_layout_ros.core.evidence.geometric_context import compute_geometric_context
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.frame_evidence import describe_superpixels
+from room_layout_ros.core.frame_evidence import classify_superpixels, describe_superpixels
 from room_layout_ros.core.lines import LineSegments, classify_segments, compute_line_segments
 from room_layout_ros.core.manhattan import ManhattanFrame, find_axes
 from room_layout_ros.core.scene_network import SceneScores, compute_scene_scores, pool_scene
@@ -68,8 +67,11 @@ def look_at(frame: RgbdFrame, estimator: LayoutEstimator) -> Look:
     superpixels = compute_superpixels(color, inverse_depth, config)
     scores = compute_scene_scores(color, estimator.network)
     scene = None if scores is None else pool_scene(scores, superpixels.index, superpixels.count)
-    features, orientation = describe_superpixels(superpixels, color, inverse_depth, axes, camera, segments, scene)
-    context = compute_geometric_context(features, estimator.models[geometry is not None, scene is not None].context)
+    features, orientation = describe_superpixels(
+        superpixels, color, inverse_depth, axes, camera, segments, scene, config.joint_variant
+    )
+    forest = estimator.models[geometry is not None, scene is not None].context
+    context = classify_superpixels(features, forest, config.joint_variant)
     line_class = None if segments is None else classify_segments(segments, axes.R_room_camera, camera)
     cues = None if geometry is None else compute_depth_cues(superpixels, axes.R_room_camera, camera)
     return Look(frame, estimate, segments, line_class, orientation, superpixels, context, cues, scores)
