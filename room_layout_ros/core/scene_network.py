@@ -177,23 +177,19 @@ def _softmax(scores: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @njit(cache=True, nogil=True)
 def _pool(values, index, count, rows, columns):  # type: ignore[no-untyped-def]
-    """(count, C) mean score per superpixel, each pixel (one in 4) with the score of the cell it lies in."""
+    """(count, C) mean score per superpixel over one in 8 of its pixels, each with the scores of the cell it lies in."""
     height, width = index.shape
-    weight = np.zeros((count, rows * columns), np.float32)
-    for y in range(0, height, 2):
-        row = y * rows // height
-        for x in range(0, width, 2):
-            weight[index[y, x], row * columns + x * columns // width] += 1.0
     mean = np.zeros((count, values.shape[1]))
-    for k in range(count):
-        total = 0.0
-        for cell in range(rows * columns):
-            w = weight[k, cell]
-            if w > 0.0:
-                total += w
-                for c in range(values.shape[1]):
-                    mean[k, c] += w * values[cell, c]
-        if total > 0.0:
+    seen = np.zeros(count)
+    for y in range(1, height, 2):
+        row = y * rows // height
+        for x in range(1, width, 4):
+            k = index[y, x]
+            cell = values[row * columns + x * columns // width]
+            seen[k] += 1.0
             for c in range(values.shape[1]):
-                mean[k, c] /= total
+                mean[k, c] += cell[c]
+    for k in range(count):
+        for c in range(values.shape[1]):
+            mean[k, c] /= max(seen[k], 1.0)
     return mean
