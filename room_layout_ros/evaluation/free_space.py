@@ -122,7 +122,7 @@ def true_free_space(
     rows, cols = occupied.shape
     x = (np.arange(cols) + 0.5)[None, :] * resolution_m + np.zeros((rows, 1))
     y = (np.arange(rows) + 0.5)[:, None] * resolution_m - side_m + np.zeros((1, cols))
-    in_sight, measured = _sight(sample, pose, x, y, resolution_m)
+    in_sight, measured = floor_in_sight(sample, pose, x, y, resolution_m)
     range_m = np.hypot(x, y)
     obstacle = (
         np.isfinite(own_height) & (own_height >= OBSTACLE_M) & (range_m >= CHECKED_M[0]) & (range_m <= CHECKED_M[1])
@@ -161,10 +161,16 @@ def _ros_order(cells: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(cells.T[::-1])
 
 
-def _sight(
+def floor_in_sight(
     sample: Sample, pose: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], size: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Shares of each cell's floor that are in sight, and in sight with a measurement."""
+    """Return the shares of each cell's floor that are in sight, and in sight with a measurement.
+
+    Parameters
+    ----------
+    sample : rendered, with its true depth. pose : (4, 4) T_world_camera.
+    x, y : float64 arrays of one shape; cell centres ahead and to the left of the camera's foot. size : of a cell.
+    """
     assert sample.truth is not None
     assert sample.truth.depth_m is not None
     camera, true_depth, sensed = sample.frame.camera, sample.truth.depth_m, sample.frame.depth_m
