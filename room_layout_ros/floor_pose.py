@@ -23,7 +23,7 @@ class FloorPose:
     Parameters
     ----------
     find : callable
-        Transform between two frames, or None.
+        Transform between two frames at a time, or None.
     """
 
     def __init__(self, find: FindTransform) -> None:
@@ -62,13 +62,13 @@ class FloorPose:
         elif node.pose_source == "parameters":
             found = _from_parameters(node)
         elif node.pose_source in ("auto", "tf"):
-            found = self._from_tf(camera_frame, node)
+            found = self._from_tf(camera_frame, stamp_ns, node)
             missing = f"estimate (no transform between {node.robot_frame} and the camera)"
         self.source = found.source if found is not None else missing
         return found
 
-    def _from_tf(self, camera_frame: str, node: NodeConfig) -> FloorPlane | None:
-        T = self._find(camera_frame, node.robot_frame)
+    def _from_tf(self, camera_frame: str, stamp_ns: int, node: NodeConfig) -> FloorPlane | None:
+        T = self._find(camera_frame, node.robot_frame, stamp_ns)
         if T is None:
             return None
         normal = -T[:3, 2]
@@ -85,7 +85,7 @@ class FloorPose:
         elif frame_id == camera_frame:
             T_camera_imu = np.eye(4)
         else:
-            T_camera_imu = self._find(camera_frame, frame_id)
+            T_camera_imu = self._find(camera_frame, frame_id, stamp_ns)
         if T_camera_imu is None:
             return None
         return FloorPlane(_unit(-T_camera_imu[:3, :3] @ acceleration), node.camera_height or float("nan"), "imu")

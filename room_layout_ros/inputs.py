@@ -176,7 +176,10 @@ def _registered_here(
         )
     _check_camera(reading, "colour", color)
     _check_camera(depth_reading, "depth", depth)
-    T_color_depth = parse_pose(node.depth_to_color) if node.depth_to_color else find(color.frame_id, depth.frame_id)
+    if node.depth_to_color:
+        T_color_depth: NDArray[np.float64] | None = parse_pose(node.depth_to_color)
+    else:
+        T_color_depth = find(color.frame_id, depth.frame_id, stamp_ns)
     if T_color_depth is None:
         raise RefusedError(
             "no transform",

@@ -93,8 +93,8 @@ class NodeConfig:
             )
 
 
-FindTransform = Callable[[str, str], NDArray[np.float64] | None]
-"""(target frame, source frame) -> (4, 4) that takes points of the source to the target, or None."""
+FindTransform = Callable[[str, str, int], NDArray[np.float64] | None]
+"""(target frame, source frame, time in ns) -> (4, 4) that takes points of the source to the target, or None."""
 
 
 def parse_pose(text: str) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -131,14 +131,3 @@ OUTPUTS = (
     ),
     Output("~/floor_pose", messages.PoseStamped, 5, _floor_pose, "pose of the floor frame in the camera's frame"),
 )  # fmt: skip
-
-
-def send(scene: Scene, publishers: Iterable[tuple[Output, Any]]) -> bool:
-    """Encode and publish what has a listener; return whether anything lies in the floor frame."""
-    on_floor = False
-    for output, publisher in publishers:
-        if publisher.get_subscription_count() > 0:
-            for message in output.encode(scene):
-                publisher.publish(message)
-                on_floor |= output.on_floor
-    return on_floor

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,8 @@ class Reporter:
 
     Parameters
     ----------
-    publisher : of diagnostic_msgs/DiagnosticArray
+    publish : callable
+        Sends a diagnostic_msgs/DiagnosticArray.
     logger : rclpy logger
     name : str
         Of the node, as it stands in the diagnostics.
@@ -27,8 +29,8 @@ class Reporter:
         Counters at the start.
     """
 
-    def __init__(self, publisher: Any, logger: Any, name: str, health: Health) -> None:
-        self._publisher, self._logger, self._name = publisher, logger, name
+    def __init__(self, publish: Callable[[Any], None], logger: Any, name: str, health: Health) -> None:
+        self._publish, self._logger, self._name = publish, logger, name
         self._before = health
         self._told: dict[str, tuple[str, float]] = {}
 
@@ -36,7 +38,7 @@ class Reporter:
         """Publish the findings and log what is new."""
         findings = diagnose(health, self._before, facts)
         self._before = health
-        self._publisher.publish(encode_diagnostics(findings, self._name, stamp_ns))
+        self._publish(encode_diagnostics(findings, self._name, stamp_ns))
         for finding in findings:
             self._tell(finding)
 

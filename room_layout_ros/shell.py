@@ -2,50 +2,33 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, JumpThreshold
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
-from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.utilities import ok
 
-from msg_adapters import messages
-from msg_adapters.camera_info import CameraReading
-from msg_adapters.encode_navigation import encode_transform
-from msg_adapters.encode_room import encode_label_names
 from msg_adapters.stamp import decode_stamp
 
 from . import parameters
 from .core.config import EstimatorConfig
-from .core.estimate import RoomEstimate
-from .core.frame import RgbdFrame
-from .core.tracking import TemporalPrior
 from .floor_pose import FloorPose
-from .inputs import ImageItem, assemble, read_camera, read_image, transport_of
+from .inputs import read_camera, read_image, transport_of
 from .node_config import NodeConfig
-from .outputs import OUTPUTS, send
+from .publications import Publications
 from .reporter import Reporter, dds_profile
 from .runtime.diagnosis import NodeFacts
-from .runtime.pairing import Pair
 from .runtime.session import CAMERA, CAMERAS, EstimatorSession, RefusedError
 from .runtime.throttle import Throttle
-from .runtime.warm_up import warm_up_frame
-from .scene import Scene
 from .settings import MakeEstimator, Settings
+from .stages import NodeStages
 from .subscriptions import Subscriptions
 from .transforms import Transforms
-
-LABEL_NAMES_TOPIC = "~/label_names"
-DIAGNOSTICS_TOPIC = "/diagnostics"
 
 _LISTENER_PERIOD_S = 0.1
 _EXIT_S = 1.0
@@ -71,8 +54,8 @@ class Shell:
         node.add_on_set_parameters_callback(self._check_parameters)
         node.add_post_set_parameters_callback(self._apply_parameters)
         self._session: EstimatorSession | None = None
-        self._publishers: list[tuple[Any, Any]] = []
-        self._own: list[Any] = []
+        self._late: list[EstimatorSession] = []
+        self._publications: Publications | None = None
         self._timers: list[Any] = []
         self._active = False
         self._jumps = node.get_clock().create_jump_callback(
@@ -85,30 +68,18 @@ class Shell:
     def configure(self) -> None:
         """Make the publishers and start to warm up."""
         node = self._node
-        for output in OUTPUTS:
-            sensible = QoSOverridingOptions.with_default_policies()
-            publisher = node.create_publisher(
-                output.message, output.topic, output.depth, qos_overriding_options=sensible
-            )
-            self._publishers.append((output, publisher))
-        latched = QoSProfile(
-            depth=1, reliability=QoSReliabilityPolicy.RELIABLE, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL
-        )
-        label_names = node.create_publisher(messages.String, LABEL_NAMES_TOPIC, latched)
-        label_names.publish(encode_label_names())
-        diagnostics = node.create_publisher(messages.DiagnosticArray, DIAGNOSTICS_TOPIC, 10)
-        self._own = [label_names, diagnostics]
-        session = EstimatorSession(self, self._settings.rules())
+        self._publications = publications = Publications(node)
+        stages = NodeStages(node, publications, self._transforms, self._floor_pose, self.complain)
+        self._session = session = EstimatorSession(stages, self._settings.rules())
         if self._settings.camera is not None:
             session.add_camera(CAMERA, 0, self._settings.camera)
         name = node.get_fully_qualified_name().lstrip("/")
-        reporter = Reporter(diagnostics, node.get_logger(), name, session.health())
-        self._session = session
+        reporter = Reporter(publications.report, node.get_logger(), name, session.health())
         self._every(_LISTENER_PERIOD_S, "listeners", self._follow_listeners)
         self._every(
             self._settings.node.diagnostics_period,
             "diagnostics",
-            lambda: reporter.report(session.health(), self._facts(), self.now_ns()),
+            lambda: reporter.report(session.health(), self._facts(), stages.now_ns()),
         )
 
     def activate(self) -> None:
@@ -121,69 +92,25 @@ class Shell:
         self._unsubscribe()
 
     def cleanup(self) -> bool:
-        """Undo `configure`; return False if a thread is still inside a frame (it is left to end by itself)."""
+        """Undo `configure`; return False if a thread is still inside a frame: it ends by itself and publishes nothing."""
         self.deactivate()
-        ended = self._session is None or self._session.close(_EXIT_S)
-        self._session = None
         for timer in self._timers:
             self._node.destroy_timer(timer)
-        if ended:
-            for publisher in (*self._own, *(p for _, p in self._publishers)):
-                self._node.destroy_publisher(publisher)
-        self._timers, self._publishers, self._own = [], [], []
-        return ended
-
-    # ---- stages, called by the session's threads
-
-    def warm_up(self) -> None:
-        """Run one made-up frame through everything."""
-        self._node.get_logger().info("warming up (compiles the first time)")
-        start = time.monotonic()
-        cv2.setNumThreads(1)  # OpenCV's pool only steals the core of the callbacks
-        settings, frame = self._settings, warm_up_frame()
-        scene = Scene(frame, settings.estimator.estimate(frame), settings.node, settings.estimator.config)
-        for output in OUTPUTS:
-            output.encode(scene)
-        self._node.get_logger().info(f"warm after {time.monotonic() - start:.1f} s")
-
-    def assemble(
-        self, pair: Pair[ImageItem], cameras: Mapping[str, CameraReading | None], settings: Settings
-    ) -> RgbdFrame:
-        """Decode a pair."""
-        return assemble(pair, cameras, settings.node, self._transforms.find)
-
-    def gravity(self, frame: RgbdFrame, settings: Settings) -> NDArray[np.float64] | None:
-        """Say which way is down."""
-        floor = self._floor_pose.expect(frame.frame_id, frame.stamp_ns, settings.node)
-        return None if floor is None else floor.normal
-
-    def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None, settings: Settings) -> RoomEstimate:
-        """Estimate the room, within the deadline where there is one."""
-        if settings.node.deadline_ms <= 0:
-            return settings.estimator.estimate(frame, prior)
-        end = time.monotonic() + settings.node.deadline_ms * 1e-3
-        return settings.estimator.estimate(frame, prior, lambda: time.monotonic() > end)
-
-    def publish(self, frame: RgbdFrame, estimate: RoomEstimate, settings: Settings) -> None:
-        """Send what somebody listens to."""
-        floor = self._floor_pose.expect(frame.frame_id, frame.stamp_ns, settings.node)
-        scene = Scene(frame, estimate, settings.node, settings.estimator.config, floor)
-        on_floor = send(scene, self._publishers)
-        if on_floor and scene.free_space is not None and settings.node.broadcast_floor:
-            T_camera_floor = scene.free_space.T_camera_floor
-            self._transforms.broadcast(
-                encode_transform(T_camera_floor, frame.stamp_ns, frame.frame_id, scene.floor_frame)
-            )
+        self._timers = []
+        if self._session is not None and not self._session.close(_EXIT_S):
+            self._late.append(self._session)
+        self._session = None
+        if self._publications is not None:
+            self._publications.close()
+        self._publications = None
+        self._late = [session for session in self._late if not session.close(0.0)]
+        return not self._late
 
     def complain(self, cause: str, sentence: str) -> None:
         """Log, at most one line per second and cause."""
         held = self._throttle.due(cause)
         if held is not None and ok(context=self._node.context):
             self._node.get_logger().error(f"{sentence} [{held} more]" if held else sentence)
-
-    def now_ns(self) -> int:
-        """Time on the node's clock."""
-        return int(self._node.get_clock().now().nanoseconds)
 
     # ---- callbacks
 
@@ -212,22 +139,24 @@ class Shell:
         if self._inputs:
             self._inputs.close()
             self._floor_pose.reset()
+            self._transforms.reset()
             if self._session is not None:
                 self._session.reset()
 
     def _on_message(self, stream: str, serialized: bytes) -> None:
-        if self._session is None:
+        session = self._session
+        if session is None:
             return
         try:
             if stream in CAMERAS:
                 stamp_ns, camera = read_camera(serialized)
-                if self._session.add_camera(stream, stamp_ns, camera) and camera.warning:
+                if session.add_camera(stream, stamp_ns, camera) and camera.warning:
                     self._node.get_logger().warning(camera.warning)
             else:
                 compressed = transport_of(stream, self._settings.node) != "raw"
-                self._session.add_image(stream, *read_image(stream, serialized, compressed))
+                session.add_image(stream, *read_image(stream, serialized, compressed))
         except RefusedError as refused:
-            self._session.refuse(stream, refused.reason, str(refused))
+            session.refuse(stream, refused.reason, str(refused))
 
     def _on_imu(self, message: Any) -> None:
         a = message.linear_acceleration
@@ -249,12 +178,11 @@ class Shell:
     def _state(self) -> str:
         if not self._active:
             return "inactive"
-        if self._session is None or not self._session.ready:
+        if self._session is None or self._publications is None or not self._session.ready:
             return "warming up"
-        if self._node.get_parameter("use_sim_time").value and self.now_ns() == 0:
+        if self._node.get_parameter("use_sim_time").value and self._node.get_clock().now().nanoseconds == 0:
             return "waiting for /clock (use_sim_time is true)"
-        listeners = any(p.get_subscription_count() for _, p in self._publishers)
-        if self._settings.node.lazy_inputs and not listeners:
+        if self._settings.node.lazy_inputs and not self._publications.has_listeners():
             return "idle: nobody listens to an output"
         return "running"
 
@@ -267,6 +195,7 @@ class Shell:
             max_stamp_gap_s=self._settings.node.max_stamp_gap,
             profile=str(dds_profile()),
             floor=self._floor_pose.source,
+            transforms=self._transforms.said(),
         )
 
     # ---- parameters

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from msg_adapters.stamp import NS_PER_S
+
 from .node_config import parse_pose
 
 
 class Transforms:
-    """Looks up the newest transform between two frames; knows none where tf2_ros is not installed.
+    """Looks up transforms between two frames at a time; knows none where tf2_ros is not installed.
+
+    May be called from several threads.
 
     Parameters
     ----------
@@ -24,6 +29,8 @@ class Transforms:
         self._buffer: Any = None
         self._listener: Any = None
         self._broadcaster: Any = None
+        self._lock = threading.Lock()
+        self._notes: dict[tuple[str, str], tuple[int, float]] = {}
 
     def listen(self) -> bool:
         """Subscribe to TF; return False where tf2 is not installed."""
@@ -36,18 +43,50 @@ class Transforms:
             self._listener = TransformListener(self._buffer, self._node)
         return True
 
-    def find(self, target: str, source: str) -> NDArray[np.float64] | None:
-        """Return the (4, 4) transform that takes points of `source` to `target`; None where it is not known."""
+    def find(self, target: str, source: str, stamp_ns: int) -> NDArray[np.float64] | None:
+        """Return the (4, 4) transform that takes points of `source` to `target`; None where it is not known.
+
+        It is that of `stamp_ns`. Where TF does not know that time (a robot's transforms may come later than its
+        images) it is the newest, and `said` tells.
+        """
         if self._buffer is None or not target or not source:
             return None
+        found = self._at(target, source, stamp_ns)
+        if found is None:
+            found = self._at(target, source, 0)
+            if found is None:
+                return None
+            self._note(target, source, (stamp_ns - _stamp_ns(found)) * 1e-9)
+        t, q = found.transform.translation, found.transform.rotation
+        return parse_pose(f"{t.x} {t.y} {t.z} {q.x} {q.y} {q.z} {q.w}")
+
+    def said(self) -> str:
+        """Say which transforms were not known at the time of a frame, for the diagnostics; "" where none."""
+        with self._lock:
+            notes = sorted(self._notes.items())
+        return "; ".join(
+            f"{source} to {target}: {count} times not known at the frame's time, the newest was used "
+            f"(last {abs(late_s):.3f} s {'older' if late_s > 0 else 'younger'})"
+            for (target, source), (count, late_s) in notes
+        )
+
+    def reset(self) -> None:
+        """Forget what was said."""
+        with self._lock:
+            self._notes.clear()
+
+    def _note(self, target: str, source: str, late_s: float) -> None:
+        with self._lock:
+            count = self._notes.get((target, source), (0, 0.0))[0]
+            self._notes[target, source] = (count + 1, late_s)
+
+    def _at(self, target: str, source: str, stamp_ns: int) -> Any:
         from rclpy.time import Time
 
         try:
-            found = self._buffer.lookup_transform(target, source, Time())
+            return self._buffer.lookup_transform(target, source, Time(nanoseconds=stamp_ns))
         except Exception:  # noqa: BLE001  tf2 has an exception for each way of not knowing; all mean the same here
             return None
-        t, q = found.transform.translation, found.transform.rotation
-        return parse_pose(f"{t.x} {t.y} {t.z} {q.x} {q.y} {q.z} {q.w}")
 
     def broadcast(self, transform: Any) -> bool:
         """Send a geometry_msgs/TransformStamped on /tf; return False where tf2 is not installed."""
@@ -59,3 +98,7 @@ class Transforms:
             self._broadcaster = TransformBroadcaster(self._node)
         self._broadcaster.sendTransform(transform)
         return True
+
+
+def _stamp_ns(message: Any) -> int:
+    return int(message.header.stamp.sec) * NS_PER_S + int(message.header.stamp.nanosec)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
@@ -27,7 +28,7 @@ from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.tracking import TemporalPrior
 from room_layout_ros.inputs import INPUT_TOPICS
-from room_layout_ros.node import EstimatorNode
+from room_layout_ros.estimator_node import EstimatorNode
 from room_layout_ros.runtime.pairing import COLOR, DEPTH
 from room_layout_ros.runtime.session import CAMERA, CAMERAS
 
@@ -60,13 +61,33 @@ class QuickEstimator:
         )  # fmt: skip
 
 
+class GatedEstimator(QuickEstimator):
+    """Answers only while the gate is open: a frame that takes long, as on a machine that compiles or swaps."""
+
+    def __init__(self, config: EstimatorConfig) -> None:
+        super().__init__(config)
+        self.gate = threading.Event()
+        self.gate.set()
+        self.busy = threading.Event()
+
+    def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None = None) -> RoomEstimate:
+        self.busy.set()
+        assert self.gate.wait(20.0)
+        return super().estimate(frame, prior)
+
+
 class Bench:
     """One estimator node, one camera, one listener, in a namespace of their own."""
 
     def __init__(
-        self, context: Context, namespace: str, make_node: Callable[..., Any], values: Mapping[str, Any]
+        self,
+        context: Context,
+        namespace: str,
+        make_node: Callable[..., Any],
+        estimator: type[QuickEstimator],
+        values: Mapping[str, Any],
     ) -> None:
-        self.namespace = namespace
+        self.namespace, self._estimator = namespace, estimator
         self.estimators: list[Any] = []
         # Reliable, so that a test that sends one message knows that it comes; test_node_processes uses best effort.
         reliable = {
@@ -90,7 +111,7 @@ class Bench:
         self.listen("/diagnostics", messages.DiagnosticArray)
 
     def _make_estimator(self, config: EstimatorConfig) -> Any:
-        self.estimators.append(QuickEstimator(config))
+        self.estimators.append(self._estimator(config))
         return self.estimators[-1]
 
     def camera(self, stream: str, qos: QoSProfile) -> Any:
@@ -192,12 +213,14 @@ class Bench:
 
 
 @contextmanager
-def running(make_node: Callable[..., Any] = EstimatorNode, **values: Any) -> Iterator[Bench]:
+def running(
+    make_node: Callable[..., Any] = EstimatorNode, estimator: type[QuickEstimator] = QuickEstimator, **values: Any
+) -> Iterator[Bench]:
     """Yield a bench whose node has the parameters `values`."""
     context = Context()
     context.init(args=[])
     try:
-        bench = Bench(context, f"/bench{next(_numbers)}", make_node, values)
+        bench = Bench(context, f"/bench{next(_numbers)}", make_node, estimator, values)
         try:
             yield bench
             if bench.node.shell._session is not None:

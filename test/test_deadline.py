@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("rclpy", reason="the node needs rclpy")
 
 from room_layout_ros.node_config import NodeConfig
-from room_layout_ros.shell import Shell
+from room_layout_ros.stages import NodeStages
 
 
 def asked(deadline_ms: float) -> list[Any]:
@@ -19,7 +19,7 @@ def asked(deadline_ms: float) -> list[Any]:
     calls: list[Any] = []
     estimator = SimpleNamespace(estimate=lambda *arguments: calls.append(arguments))
     settings = SimpleNamespace(estimator=estimator, node=NodeConfig(deadline_ms=deadline_ms))
-    Shell.estimate(None, "frame", None, settings)  # type: ignore[arg-type]
+    NodeStages.estimate(None, "frame", None, settings)  # type: ignore[arg-type]
     return calls
 
 

@@ -118,7 +118,7 @@ def test_every_topic_is_documented_with_its_type(repository: Path) -> None:
     pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
     from room_layout_ros.inputs import INPUT_TOPICS
     from room_layout_ros.outputs import OUTPUTS
-    from room_layout_ros.shell import DIAGNOSTICS_TOPIC, LABEL_NAMES_TOPIC
+    from room_layout_ros.publications import DIAGNOSTICS_TOPIC, LABEL_NAMES_TOPIC
     from room_layout_ros.subscriptions import IMU_TOPIC
 
     page = (repository / "docs" / "topics.md").read_text("utf-8")

@@ -11,11 +11,11 @@ import pytest
 
 pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
 
-from node_bench import Bench, running
+from node_bench import Bench, GatedEstimator, running
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from msg_adapters import messages
-from room_layout_ros.node import EstimatorLifecycleNode
+from room_layout_ros.estimator_node import EstimatorLifecycleNode
 
 pytestmark = pytest.mark.dds
 
@@ -36,8 +36,12 @@ def trigger(bench: Bench, name: str) -> None:
     assert getattr(bench.node, f"trigger_{name}")() is TransitionCallbackReturn.SUCCESS
 
 
+def threads(name: str) -> int:
+    return sum(t.name == name for t in threading.enumerate())
+
+
 def workers() -> int:
-    return sum(t.name == "estimator-worker" for t in threading.enumerate())
+    return threads("estimator-worker")
 
 
 def test_unconfigured_it_has_no_topics_and_no_worker(bench: Bench) -> None:
@@ -96,8 +100,60 @@ def wander(bench: Bench, steps: int) -> None:
         trigger(bench, name)
         state = LEGAL[state][name]
         assert bench.node._state_machine.current_state[1] == state
-        assert workers() == (state != "unconfigured")
+        assert workers() == threads("estimator-outputs") == (state != "unconfigured")
         bench.executor.spin_once(timeout_sec=0.0)
+
+
+@pytest.fixture
+def gated() -> Iterator[Bench]:
+    with running(EstimatorLifecycleNode, GatedEstimator) as bench:
+        yield bench
+        bench.estimators[0].gate.set()
+
+
+def test_f38_cleanup_of_a_busy_node_leaves_no_publisher_and_no_thread_for_long(gated: Bench) -> None:
+    ear, (estimator,) = gated.listen("estimator/labels", messages.Image), gated.estimators
+    estimator.gate.clear()
+    for cycle in range(3):
+        trigger(gated, "configure")
+        assert estimator.busy.wait(5.0), "in the warm-up"
+        gated.until(lambda: ear.get_publisher_count() == 1)
+        trigger(gated, "cleanup")
+        gated.until(lambda: ear.get_publisher_count() == 0)
+        assert threads("estimator-outputs") == 0
+        assert workers() == cycle + 1, "the one inside the frame cannot be stopped"
+        estimator.busy.clear()
+    trigger(gated, "configure")
+    gated.spin(0.3)
+    assert ear.get_publisher_count() == 1
+    estimator.gate.set()
+    gated.until(lambda: workers() == threads("estimator-outputs") == 1)
+    trigger(gated, "activate")
+    gated.until_subscribed()
+    gated.expect(0)
+    assert len(gated.labels_of(0)) == 1
+
+
+def test_f38_a_frame_of_before_cleanup_is_not_published_by_the_next_session(gated: Bench) -> None:
+    gated.listen("estimator/labels", messages.Image)
+    (estimator,) = gated.estimators
+    for name in ("configure", "activate"):
+        trigger(gated, name)
+    gated.until_subscribed()
+    estimator.gate.clear()
+    estimator.busy.clear()
+    gated.send(0)
+    gated.until(estimator.busy.is_set)
+    old = gated.node.shell._session
+    for name in ("deactivate", "cleanup", "configure", "activate"):
+        trigger(gated, name)
+    estimator.gate.set()
+    gated.until(lambda: workers() == 1)
+    gated.until_subscribed()
+    gated.expect(1)
+    gated.spin(0.3)
+    assert not gated.labels_of(0)
+    assert (old.health().published, old.health().dropped) == (0, {"shutdown": 1})
 
 
 def test_f38_an_illegal_transition_is_refused_and_changes_nothing(bench: Bench) -> None:

@@ -65,7 +65,7 @@ class Stages:
     def has_estimated(self, number: int) -> bool:
         return self.calls.count("estimate") >= number
 
-    def warm_up(self) -> None:
+    def warm_up(self, settings: Any) -> None:
         self.step("warm_up")
 
     def assemble(self, pair: Pair[Any], cameras: Mapping[str, Any], settings: Any) -> RgbdFrame:
@@ -318,7 +318,20 @@ def test_lost_messages_are_counted_by_stream(session: EstimatorSession) -> None:
     assert session.health().streams[DEPTH].lost == 5
 
 
-def test_close_waits_for_the_frame_in_hand_and_drops_the_next(stages: Stages) -> None:
+def test_close_publishes_the_frame_in_hand_and_drops_the_next(stages: Stages) -> None:
+    session = EstimatorSession(stages)
+    session.add_camera(CAMERA_STREAM, 0, "camera")
+    stages.gate.clear()
+    send(session, 0)
+    wait_for(lambda: "assemble" in stages.calls)
+    send(session, 1)
+    threading.Timer(0.1, stages.gate.set).start()
+    assert session.close(5.0)
+    assert settled(session).dropped == {"shutdown": 1}
+    assert stages.published == [T0]
+
+
+def test_after_a_close_that_could_not_wait_nothing_is_published_and_no_thread_stays(stages: Stages) -> None:
     session = EstimatorSession(stages)
     session.add_camera(CAMERA_STREAM, 0, "camera")
     stages.gate.clear()
@@ -326,11 +339,57 @@ def test_close_waits_for_the_frame_in_hand_and_drops_the_next(stages: Stages) ->
     wait_for(lambda: "assemble" in stages.calls)
     send(session, 1)
     assert not session.close(0.05)
+    assert not any(t.name == "estimator-outputs" for t in threading.enumerate())
     stages.gate.set()
+    wait_for(lambda: not any(t.name.startswith("estimator-") for t in threading.enumerate()))
     assert session.close(5.0)
     send(session, 2)
-    assert settled(session).dropped == {"shutdown": 2}
-    assert not any(t.name.startswith("estimator-") and t.is_alive() for t in threading.enumerate())
+    assert settled(session).dropped == {"shutdown": 3}
+    assert stages.published == []
+
+
+def test_what_waits_behind_slow_outputs_at_the_end_is_counted(stages: Stages) -> None:
+    session = EstimatorSession(stages)
+    session.add_camera(CAMERA_STREAM, 0, "camera")
+    stages.door.clear()
+    for i in range(3):
+        send(session, i)
+        wait_for(partial(stages.has_estimated, i + 1))
+    wait_for(lambda: stages.settings != [])
+    assert not session.close(0.05)
+    stages.door.set()
+    wait_for(lambda: not any(t.name.startswith("estimator-") for t in threading.enumerate()))
+    health = settled(session)
+    assert (health.published, health.dropped) == (1, {"shutdown": 2})
+    assert stages.published == [T0]
+
+
+def test_f41_a_pair_overtaken_on_its_way_to_the_worker_does_not_replace_the_newer_one(
+    session: EstimatorSession, stages: Stages, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The thread that made pair 1 is held up before it hands it over; meanwhile another one makes pair 2."""
+    session.add_camera(CAMERA_STREAM, 0, "camera")
+    stages.gate.clear()
+    send(session, 0)
+    wait_for(lambda: "assemble" in stages.calls)
+    held, submit = threading.Event(), session._loop.submit
+
+    def slow_the_first_time(job: Any) -> None:
+        if not held.is_set():
+            held.set()
+            time.sleep(0.2)
+        submit(job)
+
+    monkeypatch.setattr(session._loop, "submit", slow_the_first_time)
+    first = threading.Thread(target=send, args=(session, 1))
+    first.start()
+    assert held.wait(5.0)
+    send(session, 2)
+    first.join()
+    stages.gate.set()
+    health = settled(session)
+    assert (health.published, health.dropped) == (2, {"newer frame": 1})
+    assert stages.published == [T0, T0 + 2 * 33 * MS]
 
 
 def test_a_frame_goes_out_while_the_next_is_worked_on(session: EstimatorSession, stages: Stages) -> None:

@@ -50,6 +50,8 @@ class NodeFacts:
     """Path of the DDS profile that cures lost images."""
     floor: str = ""
     """Where the floor was expected from."""
+    transforms: str = ""
+    """Which transforms were not known at the time of a frame; "" where none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +127,7 @@ def _estimates(health: Health, before: Health, facts: NodeFacts) -> Finding:
         **{f"dropped: {reason}": str(n) for reason, n in sorted(health.dropped.items())},
         "resets": str(health.resets),
         "floor": facts.floor,
+        "transforms": facts.transforms,
         "latency_p50_ms": f"{health.latency_p50_ms:.1f}",
         "latency_p99_ms": f"{health.latency_p99_ms:.1f}",
         "age_p50_ms": f"{health.age_p50_ms:.1f}",

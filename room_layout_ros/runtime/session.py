@@ -26,6 +26,9 @@ CAMERA, DEPTH_CAMERA = "camera_info", "depth_camera_info"
 CAMERAS = (CAMERA, DEPTH_CAMERA)
 STREAMS = (COLOR, DEPTH, *CAMERAS)
 
+_MOMENT_S = 0.05
+"""A thread with nothing to do needs this to notice the end."""
+
 
 class RefusedError(ValueError):
     """A message or pair that cannot be used: `reason` is what it is counted under, the text says what is wrong."""
@@ -45,7 +48,7 @@ class Stages(Protocol):
         """
         ...
 
-    def warm_up(self) -> None:
+    def warm_up(self, settings: Any) -> None:
         """Compile and load everything; called once, before the first frame."""
 
     def gravity(self, frame: RgbdFrame, settings: Any) -> NDArray[np.float64] | None:
@@ -115,7 +118,7 @@ class EstimatorSession:
     ) -> None:
         self._stages, self._clock = stages, clock
         self._rules = rules or SessionRules()
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # handing a pair over drops the one before, which is counted under the lock too
         self._pairing: StreamPairing[Any] = StreamPairing(self._rules.pairing)
         self._cameras: dict[str, CameraHistory[Any]] = {s: CameraHistory() for s in CAMERAS}
         self._camera_counts = {s: StreamCount() for s in CAMERAS}
@@ -127,7 +130,7 @@ class EstimatorSession:
         self._prior: TemporalPrior | None = None
         self._prior_epoch = 0
         self._origin: tuple[object, str] | None = None
-        self._outbox: Outbox[_Result] = Outbox(self._send)
+        self._outbox: Outbox[_Result] = Outbox(self._send, lambda result: self._dropped(result.job, "shutdown"))
         self._loop: LiveLoop[_Job] = LiveLoop(self._warm_up, self._work, self._dropped)
 
     @property
@@ -155,10 +158,10 @@ class EstimatorSession:
             self._pairs.made += 1
             if pair.reset:
                 self._restart()
-            job = _Job(pair, now, self._epoch)
+            # Under the lock: pairs of two threads reach the worker in the order in which they were made.
+            self._loop.submit(_Job(pair, now, self._epoch))
         if pair.reset:
             self._stages.complain("jump of the clock", "stamps jumped; everything known from before is forgotten")
-        self._loop.submit(job)
 
     def add_camera(self, stream: str, stamp_ns: int, camera: object) -> bool:
         """Take a checked camera of CAMERA or DEPTH_CAMERA (stamp 0: none); return True if it differs from the last."""
@@ -190,7 +193,7 @@ class EstimatorSession:
         with self._lock:
             self._pairing.reset()
             self._restart()
-        self._loop.discard("reset")
+            self._loop.discard("reset")
 
     def health(self) -> Health:
         """Return all counters as one consistent value."""
@@ -204,9 +207,14 @@ class EstimatorSession:
             return self._pairs.snapshot(streams, now)
 
     def close(self, timeout_s: float = 1.0) -> bool:
-        """End both threads; False if one is still busy after `timeout_s`."""
+        """End both threads; False if one is still busy after `timeout_s`.
+
+        That one ends by itself after the frame in hand, which is counted as dropped and not published.
+        """
         end = time.monotonic() + timeout_s
-        return self._loop.close(timeout_s) and self._outbox.close(max(0.0, end - time.monotonic()))
+        worked = self._loop.close(timeout_s)
+        sent = self._outbox.close(max(_MOMENT_S, end - time.monotonic()))  # also when the worker is late: it ends a thread
+        return worked and sent
 
     def _restart(self) -> None:
         self._epoch += 1
@@ -224,7 +232,7 @@ class EstimatorSession:
 
     def _warm_up(self) -> None:
         try:
-            self._stages.warm_up()
+            self._stages.warm_up(self._rules.settings)
         except Exception as error:  # noqa: BLE001
             self._stages.complain("warm-up", f"warm-up failed ({type(error).__name__}: {error}); expect a slow start")
 

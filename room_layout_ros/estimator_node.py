@@ -1,0 +1,132 @@
+"""The ROS 2 node `estimator`, plain and lifecycle, and how it runs until it is told to end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.utilities import ok, try_shutdown
+
+from .core.estimator import LayoutEstimator
+from .ros_process import BAD_SETTINGS, join, sentence
+from .settings import MakeEstimator
+from .shell import Shell
+
+NODE_NAME = "estimator"
+
+
+class EstimatorNode(Node):
+    """The plain node: works from the start."""
+
+    def __init__(self, make_estimator: MakeEstimator = LayoutEstimator, **options: Any) -> None:
+        super().__init__(NODE_NAME, **options)
+        self.shell = Shell(self, make_estimator)
+        self.shell.configure()
+        self.shell.activate()
+
+    def close(self) -> bool:
+        """End the worker; False if it is still inside a frame."""
+        return self.shell.cleanup()
+
+
+class EstimatorLifecycleNode(LifecycleNode):
+    """The lifecycle node: configure makes the topics and warms up, activate subscribes."""
+
+    def __init__(self, make_estimator: MakeEstimator = LayoutEstimator, **options: Any) -> None:
+        super().__init__(NODE_NAME, **options)
+        self.shell = Shell(self, make_estimator)
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Unconfigured -> inactive."""
+        return self._transition(self.shell.configure)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Inactive -> active."""
+        return self._transition(self.shell.activate)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Active -> inactive."""
+        return self._transition(self.shell.deactivate)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Inactive -> unconfigured."""
+        return self._transition(self.shell.cleanup)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Any -> finalized."""
+        return self._transition(self.shell.cleanup)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """After a failed transition: back to unconfigured."""
+        return self._transition(self.shell.cleanup)
+
+    def close(self) -> bool:
+        """End the worker; False if it is still inside a frame."""
+        return self.shell.cleanup()
+
+    def _transition(self, work: Callable[[], Any]) -> TransitionCallbackReturn:
+        try:
+            ended = work()
+        except Exception as error:  # noqa: BLE001  rclpy swallows it without a word
+            self.get_logger().error(f"{type(error).__name__} in a transition: {error}")
+            return TransitionCallbackReturn.ERROR
+        if ended is False:
+            self.get_logger().warning("a thread is still inside a frame; it ends by itself and publishes nothing")
+        return TransitionCallbackReturn.SUCCESS
+
+
+def run(make_node: Callable[[], Any], args: Sequence[str] | None) -> int:
+    """Run a node until SIGINT or SIGTERM; 0 at the end, 2 when the settings are wrong."""
+    ended = False
+    try:
+        code, ended = _work(make_node, args)
+        return code
+    except (KeyboardInterrupt, ExternalShutdownException):  # while it starts, or a second Ctrl-C during the end
+        return 0
+    finally:
+        try_shutdown()
+        if not ended:  # a worker inside a compilation cannot be stopped
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(0)
+
+
+def _work(make_node: Callable[[], Any], args: Sequence[str] | None) -> tuple[int, bool]:
+    """Return the exit code and whether all threads have ended."""
+    for number in (signal.SIGINT, signal.SIGTERM):  # rclpy puts its own handlers on top of these
+        signal.signal(number, signal.default_int_handler)
+    initialised = False
+    try:
+        join(args)
+        initialised = True
+        node = make_node()
+    except BAD_SETTINGS as error:
+        if initialised and not ok():  # a signal ended the context while the node was made
+            return 0, False
+        print(f"{NODE_NAME}: {sentence(error)}", file=sys.stderr)
+        return 2, True
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        _spin(executor, node)
+    finally:
+        ended = node.close()
+    return 0, ended
+
+
+def _spin(executor: SingleThreadedExecutor, node: Any) -> None:
+    while ok():
+        try:
+            executor.spin()
+        except (KeyboardInterrupt, ExternalShutdownException):
+            return
+        except Exception as error:  # noqa: BLE001
+            node.shell.complain("executor", f"{type(error).__name__} in the executor: {error}")
+            time.sleep(0.01)

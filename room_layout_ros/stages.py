@@ -1,0 +1,100 @@
+"""What one session asks of the node, from its own threads: decode, estimate, publish."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from msg_adapters.camera_info import CameraReading
+from msg_adapters.encode_navigation import encode_transform
+
+from .core.estimate import RoomEstimate
+from .core.frame import RgbdFrame
+from .core.tracking import TemporalPrior
+from .floor_pose import FloorPose
+from .inputs import ImageItem, assemble
+from .outputs import OUTPUTS
+from .publications import Publications
+from .runtime.pairing import Pair
+from .runtime.warm_up import warm_up_frame
+from .scene import Scene
+from .settings import Settings
+from .transforms import Transforms
+
+
+class NodeStages:
+    """The stages of one session; they publish through its own publishers, whatever the node does meanwhile.
+
+    Parameters
+    ----------
+    node : rclpy node
+    publications : Publications
+    transforms : Transforms
+    floor_pose : FloorPose
+    complain : callable
+        `complain(cause, sentence)` logs, at most one line per second and cause.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        publications: Publications,
+        transforms: Transforms,
+        floor_pose: FloorPose,
+        complain: Callable[[str, str], None],
+    ) -> None:
+        self._node, self._publications = node, publications
+        self._transforms, self._floor_pose, self._complain = transforms, floor_pose, complain
+
+    def warm_up(self, settings: Settings) -> None:
+        """Run one made-up frame through everything."""
+        self._node.get_logger().info("warming up (compiles the first time)")
+        start = time.monotonic()
+        cv2.setNumThreads(1)  # OpenCV's pool only steals the core of the callbacks
+        frame = warm_up_frame()
+        scene = Scene(frame, settings.estimator.estimate(frame), settings.node, settings.estimator.config)
+        for output in OUTPUTS:
+            output.encode(scene)
+        self._node.get_logger().info(f"warm after {time.monotonic() - start:.1f} s")
+
+    def assemble(
+        self, pair: Pair[ImageItem], cameras: Mapping[str, CameraReading | None], settings: Settings
+    ) -> RgbdFrame:
+        """Decode a pair."""
+        return assemble(pair, cameras, settings.node, self._transforms.find)
+
+    def gravity(self, frame: RgbdFrame, settings: Settings) -> NDArray[np.float64] | None:
+        """Say which way is down."""
+        floor = self._floor_pose.expect(frame.frame_id, frame.stamp_ns, settings.node)
+        return None if floor is None else floor.normal
+
+    def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None, settings: Settings) -> RoomEstimate:
+        """Estimate the room, within the deadline where there is one."""
+        if settings.node.deadline_ms <= 0:
+            return settings.estimator.estimate(frame, prior)
+        end = time.monotonic() + settings.node.deadline_ms * 1e-3
+        return settings.estimator.estimate(frame, prior, lambda: time.monotonic() > end)
+
+    def publish(self, frame: RgbdFrame, estimate: RoomEstimate, settings: Settings) -> None:
+        """Send what somebody listens to."""
+        floor = self._floor_pose.expect(frame.frame_id, frame.stamp_ns, settings.node)
+        scene = Scene(frame, estimate, settings.node, settings.estimator.config, floor)
+        on_floor = self._publications.send(scene)
+        if on_floor and scene.free_space is not None and settings.node.broadcast_floor:
+            T_camera_floor = scene.free_space.T_camera_floor
+            self._transforms.broadcast(
+                encode_transform(T_camera_floor, frame.stamp_ns, frame.frame_id, scene.floor_frame)
+            )
+
+    def complain(self, cause: str, sentence: str) -> None:
+        """Log."""
+        self._complain(cause, sentence)
+
+    def now_ns(self) -> int:
+        """Time on the node's clock."""
+        return int(self._node.get_clock().now().nanoseconds)
