@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from benchmarks._frames import DATA
 from room_layout_ros.core.conclusion import refine_cuboid
-from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.config import EstimatorConfig, parameters
 from room_layout_ros.core.depth import DepthGeometry, compute_depth_geometry
 from room_layout_ros.core.depth_estimator import estimate_from_depth
 from room_layout_ros.core.frame import RgbdFrame
@@ -38,7 +38,7 @@ from room_layout_ros.core.models import Models, load_models, load_scene_network
 from room_layout_ros.core.scene_network import SceneScores, SuperpixelScene, compute_scene_scores, pool_scene
 from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
 from room_layout_ros.core.tracking import TemporalPrior
-from room_layout_ros.core.weights import BLOCKS, VARIANTS, ModelWeights, start_weights, uses
+from room_layout_ros.core.weights import BLOCKS, ModelWeights, start_weights, uses
 from room_layout_ros.datasets import FramesFolder, FrameTruth, Sample, good_samples, open_folder
 from room_layout_ros.evaluation.baselines import percentile_walls
 from room_layout_ros.evaluation.measures import score_pixels
@@ -94,6 +94,7 @@ def variants() -> list[Variant]:
     """Rows of the table but for the two plain solutions."""
     plain = EstimatorConfig()
     rgb = replace(plain, use_depth=False)
+    models = next(p for p in parameters() if p.name == "joint_variant").choices
     return [
         Variant("full model"),
         Variant("RGB only (own learned weights)", rgb),
@@ -101,7 +102,7 @@ def variants() -> list[Variant]:
         Variant("RGB only, no refinement", rgb, refined=False),
         Variant("RGB only, by hand, no refinement", rgb, by_hand=True, refined=False),
         Variant("RGB only, two namings", replace(rgb, axes_hypotheses_rgb=2)),
-        *(Variant(f"variant {name}", replace(plain, joint_variant=name)) for name in VARIANTS if name != "full"),
+        *(Variant(f"variant {name}", replace(plain, joint_variant=name)) for name in models if name != "full"),
         *(Variant(f"without block {name}", off=(name,)) for name in BLOCKS),
         Variant("weights set by hand", by_hand=True),
         Variant("weights by hand, no refinement", by_hand=True, refined=False),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -101,8 +102,8 @@ def test_render_writes_what_the_source_renders(tmp_path: Path) -> None:
     assert_same_samples(list(good_samples(open_source(tmp_path / "walk"))), expected)
 
 
-def test_an_interrupt_ends_with_130_and_leaves_no_result(tmp_path: Path, rng: np.random.Generator) -> None:
-    """SIGINT while it works: no traceback, no estimates.jsonl that looks complete."""
+def test_an_interrupt_ends_with_130_and_leaves_whole_lines(tmp_path: Path, rng: np.random.Generator) -> None:
+    """SIGINT while it works: no traceback, and every line has its images."""
     import signal
     import time
 
@@ -125,5 +126,9 @@ def test_an_interrupt_ends_with_130_and_leaves_no_result(tmp_path: Path, rng: np
     _, error = process.communicate(timeout=20)
     assert process.returncode == 130
     assert b"Traceback" not in error
-    assert not (tmp_path / "out" / "estimates.jsonl").exists()
+    lines = (tmp_path / "out" / "estimates.jsonl").read_text().splitlines()
+    images = {p.stem for p in (tmp_path / "out" / "furniture").iterdir()}
+    assert len(lines) < 401
+    assert {json.loads(line)["name"] for line in lines} <= images
+    assert len(images) <= len(lines) + 1, "at most the frame in hand has images and no line"
     assert not list((tmp_path / "out").rglob("*.partial"))

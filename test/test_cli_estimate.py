@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from damaged_bags import damage_middle
+from frames_on_disk import make_samples
 
 from room_layout_ros.cli import main
+from room_layout_ros.commands import estimate as estimate_command
+from room_layout_ros.commands.estimate_frame import FrameJob, FrameResult, estimate_item
+from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import FACES, LABEL_NAMES
-from room_layout_ros.datasets import good_samples, open_source
+from room_layout_ros.datasets import BadFrame, FrameSource, Sample, good_samples, open_source
 from room_layout_ros.datasets.convert import copy_frames
+from room_layout_ros.datasets.readable import ReadablePart
 from room_layout_ros.datasets.synthetic import SyntheticSource
-from room_layout_ros.datasets.writers import BagWriter, FolderWriter
+from room_layout_ros.datasets.writers import STORAGES, BagWriter, FolderWriter
 
 KINDS = ("layout", "labels", "furniture")
 
@@ -123,6 +130,73 @@ def test_rgb_only_does_not_look_at_the_depth(walk: Path, tmp_path: Path) -> None
     assert main(["estimate", str(tmp_path / "frames"), "--out", str(tmp_path / "b"), "--rgb-only"]) == 0
     assert len(lines_of(tmp_path / "a")) == 4
     assert images_of(tmp_path / "a") == images_of(tmp_path / "b")
+
+
+@pytest.fixture(scope="module", params=STORAGES)
+def damaged(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bag of 40 small frames, damaged in the middle."""
+    bag = tmp_path_factory.mktemp("damaged") / "bag"
+    samples = make_samples(40, np.random.default_rng(3), CameraIntrinsics(160, 120, 131.0, 131.0, 79.5, 59.5))
+    with BagWriter(bag, storage=request.param) as writer:
+        for sample in samples:
+            writer.write(sample)
+    damage_middle(bag)
+    return bag
+
+
+def names_in(source: FrameSource) -> list[str]:
+    part = ReadablePart(source)
+    names = [item.name for item in part]
+    assert part.damage is not None
+    return names
+
+
+@pytest.mark.parametrize("jobs", ("1", "2"))
+def test_a_bag_damaged_midway_leaves_what_was_estimated(
+    damaged: Path, jobs: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    readable = names_in(open_source(damaged))
+    assert 10 < len(readable) < 30
+    assert main(["estimate", str(damaged), "--out", str(tmp_path), "--jobs", jobs]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "is damaged" in error
+    assert f"{len(readable)} frames estimated before the damage" in error
+    assert [line["name"] for line in lines_of(tmp_path)] == readable
+    assert sorted(p.stem for p in (tmp_path / "layout").iterdir()) == readable
+
+
+def test_recover_goes_on_behind_the_damage_and_states_the_loss(
+    damaged: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["estimate", str(damaged), "--out", str(tmp_path), "--recover"]) == 0
+    error = capsys.readouterr().err
+    assert re.search(r"is damaged .*: [1-9]\d* of its 240 messages are lost", error)
+    names = [line["name"] for line in lines_of(tmp_path)]
+    assert names == names_in(open_source(damaged, recover=True))
+    assert names[-1] == "frame_273", "the last one lies behind the damage"
+    assert len(names) > len(names_in(open_source(damaged)))
+
+
+def test_no_line_of_an_earlier_run_stays_beside_new_images(walk: Path, damaged: Path, tmp_path: Path) -> None:
+    assert main(["estimate", str(walk), "--out", str(tmp_path)]) == 0
+    assert main(["estimate", str(damaged), "--out", str(tmp_path)]) == 2
+    assert [line["name"] for line in lines_of(tmp_path)] == names_in(open_source(damaged))
+
+
+def test_a_line_comes_when_its_frame_is_done(walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run that ends at its third frame, for whatever reason, leaves two lines and their images."""
+    whole, frames = estimate_item, iter(range(4))
+
+    def stop_at_third(job: FrameJob, item: Sample | BadFrame) -> FrameResult:
+        if next(frames) == 2:
+            raise KeyboardInterrupt
+        return whole(job, item)
+
+    monkeypatch.setattr(estimate_command, "estimate_item", stop_at_third)
+    assert main(["estimate", str(walk), "--out", str(tmp_path)]) == 130
+    assert [line["name"] for line in lines_of(tmp_path)] == ["000000", "000001"]
+    assert sorted(p.stem for p in (tmp_path / "layout").iterdir()) == ["000000", "000001"]
 
 
 def test_a_cut_bag_is_exit_code_2(walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

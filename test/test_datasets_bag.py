@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from damaged_bags import damage_middle
 from frames_on_disk import SMALL, assert_same_samples, make_samples, write_folder
 
-from room_layout_ros.datasets import BadFrame, CameraCalibration, DataError, Sample, good_samples, open_source
+from room_layout_ros.cli import main
+from room_layout_ros.core.frame import CameraIntrinsics
+from room_layout_ros.datasets import (
+    BadFrame,
+    CameraCalibration,
+    DataError,
+    FrameSource,
+    Sample,
+    good_samples,
+    open_source,
+)
 from room_layout_ros.datasets import bag_messages as messages
 from room_layout_ros.datasets.bag_topics import choose_topics
 from room_layout_ros.datasets.convert import calibration_of, copy_frames
+from room_layout_ros.datasets.readable import ReadablePart
 from room_layout_ros.datasets.writers import STORAGES, BagWriter, FolderWriter
 
 pytest.importorskip("rosbags", reason="rosbags is not installed (extra playback)")
 
 IMAGE, INFO = messages.IMAGE, messages.CAMERA_INFO
+QUARTER = CameraIntrinsics(160, 120, 131.0, 131.0, 79.5, 59.5)
 
 
 def write_bag(path: Path, samples: list[Sample], storage: str = "mcap") -> Path:
@@ -115,6 +130,72 @@ def test_a_cut_bag_is_one_sentence(tmp_path: Path, rng: np.random.Generator, sto
         list(open_source(bag))
     assert "\n" not in str(caught.value)
     assert str(tmp_path) in str(caught.value)
+
+
+def read_until_damage(source: FrameSource) -> tuple[list[str], str]:
+    """Names of the usable frames, and what is said at the end."""
+    names: list[str] = []
+    with pytest.raises(DataError) as caught:
+        names.extend(s.name for s in good_samples(source))
+    assert "\n" not in str(caught.value)
+    return names, str(caught.value)
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_frames_before_damage_come_and_with_recover_those_behind_it_too(
+    tmp_path: Path, rng: np.random.Generator, storage: str
+) -> None:
+    samples = make_samples(40, rng, QUARTER)
+    bag, names = write_bag(tmp_path / "bag", samples, storage), [s.name for s in samples]
+    damage_middle(bag)
+    before, told = read_until_damage(open_source(bag))
+    assert "is damaged after" in told
+    assert 10 < len(before) < 30
+    assert before == names[: len(before)]
+    around, told = read_until_damage(open_source(bag, recover=True))
+    assert around[: len(before)] == before
+    assert around[-1] == names[-1], "what lies behind the damage is read"
+    assert around == [name for name in names if name in set(around)], "in order, once each"
+    (lost, whole) = (int(n) for n in re.findall(r"(\d+) of its (\d+) messages are lost", told)[0])
+    assert whole == 6 * len(samples)  # colour, depth, camera_info, layout, classes, pose
+    assert len(samples) - len(around) <= lost <= 6 * (len(samples) - len(around)), "a lost frame lost 1 to 6 of them"
+    good = dict(zip(names, samples, strict=True))
+    assert_same_samples(list(_until_error(open_source(bag, recover=True))), [good[name] for name in around])
+
+
+def _until_error(source: FrameSource) -> Iterator[Sample]:
+    part = ReadablePart(source)
+    yield from (item for item in part if isinstance(item, Sample))
+    assert part.damage is not None
+
+
+def test_messages_that_vanish_without_an_error_are_noticed(tmp_path: Path, rng: np.random.Generator) -> None:
+    """A chunk without a checksum whose records lost their lengths reads as a shorter one."""
+    bag = write_bag(tmp_path / "bag", make_samples(60, rng))
+    file = next(bag.glob("*.mcap"))
+    content = bytearray(file.read_bytes())
+    middle = len(content) // 8192 * 4096
+    content[middle : middle + 4096] = bytes(4096)
+    file.write_bytes(content)
+    names, told = read_until_damage(open_source(bag))
+    assert 0 < len(names) < 60
+    assert "messages are lost" in told
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_convert_with_recover_makes_a_whole_bag_of_a_damaged_one(
+    tmp_path: Path, rng: np.random.Generator, storage: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = write_bag(tmp_path / "bag", make_samples(40, rng, QUARTER), storage)
+    damage_middle(bag)
+    assert main(["convert", str(bag), str(tmp_path / "strict"), "--to", "bag"]) == 2
+    assert "is damaged" in capsys.readouterr().err
+    with pytest.raises(DataError):
+        open_source(tmp_path / "strict")
+    assert main(["convert", str(bag), str(tmp_path / "whole"), "--to", "bag", "--recover"]) == 0
+    assert "messages are lost" in capsys.readouterr().err
+    around = list(_until_error(open_source(bag, recover=True)))
+    assert_same_samples(list(good_samples(open_source(tmp_path / "whole"))), around)
 
 
 @pytest.mark.parametrize("text", ["", "[", "rosbag2_bagfile_information: 3", "a: b"])

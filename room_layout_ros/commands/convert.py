@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from room_layout_ros.commands.progress import progress_bar
-from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
+from room_layout_ros.commands.topics import add_recover_argument, add_topic_arguments, open_with_topics
 from room_layout_ros.datasets import FrameSource
 from room_layout_ros.datasets.bag import BagSource
 from room_layout_ros.datasets.convert import Conversion, calibration_of, copy_frames
@@ -25,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("input", type=Path, metavar="INPUT", help="frames folder, rosbag2 or NYU .mat")
     parser.add_argument("output", type=Path, metavar="OUTPUT", help="folder to make; must not exist")
     add_output_arguments(parser, "a folder from a bag, else a bag")
+    add_recover_argument(parser)
     add_topic_arguments(parser)
 
 
@@ -39,13 +40,16 @@ def add_output_arguments(parser: argparse.ArgumentParser, default: str) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Convert the input."""
-    source = open_with_topics(arguments.input, arguments)
-    done = write_frames(source, arguments, "folder" if isinstance(source, BagSource) else "bag", arguments.output)
+    source = open_with_topics(arguments.input, arguments, arguments.recover)
+    default = "folder" if isinstance(source, BagSource) else "bag"
+    done = write_frames(source, arguments, default, arguments.output, arguments.recover)
     return report(done, source, arguments.output)
 
 
-def write_frames(source: FrameSource, arguments: argparse.Namespace, default: str, output: Path) -> Conversion:
-    """Write all frames of a source as the options say."""
+def write_frames(
+    source: FrameSource, arguments: argparse.Namespace, default: str, output: Path, recover: bool = False
+) -> Conversion:
+    """Write all frames of a source as the options say; `recover` writes what can be read of a damaged one."""
     calibration = calibration_of(source)
     writer: BagWriter | FolderWriter
     if (arguments.to or default) == "bag":
@@ -53,14 +57,16 @@ def write_frames(source: FrameSource, arguments: argparse.Namespace, default: st
     else:
         writer = FolderWriter(output, calibration, arguments.jpeg)
     with progress_bar("write", source.length) as progress:
-        done = copy_frames(source, writer, progress)
+        done = copy_frames(source, writer, progress, recover)
     if isinstance(writer, FolderWriter) and writer.rounded:
         print(f"depth of {writer.rounded} frames was finer than a millimetre and is rounded", file=sys.stderr)
     return done
 
 
 def report(done: Conversion, source: FrameSource, output: Path) -> int:
-    """Say what was written and what was left out."""
+    """Say what was written, what was left out and what is lost."""
+    if done.damage is not None:
+        print(done.damage, file=sys.stderr)
     for bad in done.bad[:MAX_NAMED]:
         print(f"left out {bad.name}: {bad.error}", file=sys.stderr)
     if len(done.bad) > MAX_NAMED:

@@ -6,7 +6,9 @@ DIR gets, for every frame NAME:
   furniture/NAME.png  NYU40 class on clutter, 0 elsewhere
   overlay/NAME.jpg    a picture for people (with --overlay)
   estimates.jsonl     a line a frame: status, confidences, axes, planes, polygons, milliseconds
-A frame that cannot be used gets a line with its error. Exit code 0 when every frame has its line, 2 on bad input.
+A frame that cannot be used gets a line with its error. Lines come as the frames are done, each after its images, so
+a run that ends early leaves what it has done. Exit code 0 when every frame has its line, 2 on bad input: also where
+a bag turns out damaged on the way, unless --recover asks for what can be read.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import argparse
 import json
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -26,12 +29,14 @@ from room_layout_ros.commands.estimate_frame import (
     parse_settings,
 )
 from room_layout_ros.commands.progress import progress_bar
-from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
-from room_layout_ros.datasets import DataError, FrameSource
+from room_layout_ros.commands.topics import add_recover_argument, add_topic_arguments, open_with_topics
+from room_layout_ros.datasets import DataError
 from room_layout_ros.datasets.images import write_atomically
+from room_layout_ros.datasets.readable import ReadablePart
 from room_layout_ros.parallel import map_ordered
 
 KINDS = ("layout", "labels", "furniture")
+LINES = "estimates.jsonl"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="set a parameter of the estimator (repeatable)"
     )
+    add_recover_argument(parser)
     add_topic_arguments(parser)
 
 
@@ -55,15 +61,19 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.jobs < 1:
         raise DataError(f"--jobs is {arguments.jobs}; it must be 1 or more")
     job = FrameJob(parse_settings(arguments.set), arguments.rgb_only, arguments.overlay)
-    source = open_with_topics(arguments.input, arguments)
+    source = open_with_topics(arguments.input, arguments, arguments.recover)
     _make_folders(arguments.out, (*KINDS, "overlay") if arguments.overlay else KINDS)
-    work = partial(estimate_item, job)
+    work, items, written = partial(estimate_item, job), ReadablePart(source), _Written(arguments.out)
     with progress_bar("estimate", source.length) as progress:
-        results = map_ordered(work, source, arguments.jobs, arguments.scheduler, progress, lost_result)
-        done, failed = _write(arguments.out, results)
-    if not done:
+        results = map_ordered(work, items, arguments.jobs, arguments.scheduler, progress, lost_result)
+        written.write(results)
+    if items.damage is not None and not (arguments.recover and written.frames):
+        raise DataError(f"{items.damage}; {written.frames} frames estimated before the damage")
+    if not written.frames:
         raise DataError(f"{source.title} holds no frame")
-    print(_summary(source, done, failed, arguments.out), file=sys.stderr)
+    if items.damage is not None:
+        print(items.damage, file=sys.stderr)
+    print(f"{source.title}: {written}", file=sys.stderr)
     return 0
 
 
@@ -74,20 +84,25 @@ def _make_folders(out: Path, kinds: tuple[str, ...]) -> None:
         (out / kind).mkdir(parents=True, exist_ok=True)
 
 
-def _write(out: Path, results: Iterator[FrameResult]) -> tuple[int, int]:
-    """Write images as they come; the list of estimates appears whole at the end."""
-    lines: list[str] = []
-    failed = 0
-    for result in results:
-        for file, content in result.files.items():
-            write_atomically(out / file, content)
-        failed += "error" in result.line
-        lines.append(json.dumps(result.line, allow_nan=False))
-    if lines:
-        write_atomically(out / "estimates.jsonl", "".join(f"{line}\n" for line in lines).encode())
-    return len(lines), failed
+@dataclass(slots=True)
+class _Written:
+    """What is in the folder so far."""
 
+    out: Path
+    frames: int = 0
+    failed: int = 0
 
-def _summary(source: FrameSource, done: int, failed: int, out: Path) -> str:
-    problems = f", {failed} of them could not be used (see their lines)" if failed else ""
-    return f"{source.title}: {done} frames{problems}; results in {out}"
+    def write(self, results: Iterator[FrameResult]) -> None:
+        """Write images and lines as they come; no line of an earlier run stays beside them."""
+        with (self.out / LINES).open("w", encoding="utf-8") as lines:
+            for result in results:
+                for file, content in result.files.items():
+                    write_atomically(self.out / file, content)
+                lines.write(f"{json.dumps(result.line, allow_nan=False)}\n")
+                lines.flush()
+                self.frames += 1
+                self.failed += "error" in result.line
+
+    def __str__(self) -> str:
+        problems = f", {self.failed} of them could not be used (see their lines)" if self.failed else ""
+        return f"{self.frames} frames{problems}; results in {self.out}"

@@ -1,4 +1,4 @@
-"""Which topics of a bag hold the frames: the options of every command that reads one."""
+"""How a bag is read: the options of every command that reads one."""
 
 from __future__ import annotations
 
@@ -26,11 +26,20 @@ def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def open_with_topics(path: Path, arguments: argparse.Namespace) -> FrameSource:
-    """Open an input with the topic options of the command line."""
+def add_recover_argument(parser: argparse.ArgumentParser) -> None:
+    """Add the option of commands that can do with a part of a bag."""
+    parser.add_argument(
+        "--recover", action="store_true", help="read on behind damaged parts of a bag and say what is lost"
+    )
+
+
+def open_with_topics(path: Path, arguments: argparse.Namespace, recover: bool = False) -> FrameSource:
+    """Open an input with the topic options of the command line; `recover` reads on behind damaged parts of a bag."""
     options: dict[str, object] = {n: getattr(arguments, n) for n in _OPTIONS if getattr(arguments, n) is not None}
     if arguments.max_stamp_gap is not None:
         options["max_stamp_gap_ns"] = round(arguments.max_stamp_gap * 1e9)
     if arguments.assume_registered:
         options["assume_registered"] = True
+    if recover:
+        options["recover"] = True
     return open_source(path, **options)

@@ -15,6 +15,7 @@ from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.labels import N_FACES
 
 from . import bag_messages as messages
+from .bag_recovery import RawMessage, messages_around_damage
 from .bag_topics import CLASSES_TOPIC, LAYOUT_TOPIC, POSE_TOPIC, TRUTH_TYPES, BagTopics, choose_topics
 from .calibration import CameraCalibration
 from .errors import DataError
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 NAMES_KEY = "room_layout_names"
 """Entry of the bag's custom data that keeps the names of the frames: JSON, stamp to name."""
+
+_REPAIRS = "lost metadata: ros2 bag reindex; a cut .mcap: mcap recover; a damaged .db3: sqlite3 .recover"
 
 MAX_WAITING = 60
 """Images of one stream that wait for their partner: two seconds at 30 Hz."""
@@ -47,7 +50,7 @@ def open_reader(path: Path) -> Iterator[Reader]:
     try:
         reader.open()
     except Exception as error:  # noqa: BLE001 - a cut file makes sqlite3, struct, yaml and assertion errors too
-        raise DataError(f"{path} cannot be opened as a rosbag2: {_reason(error)}") from None
+        raise DataError(f"{path} cannot be opened as a rosbag2: {_reason(error)} ({_REPAIRS})") from None
     try:
         yield reader
     finally:
@@ -69,24 +72,38 @@ def _reason(error: Exception) -> str:
     return " ".join(str(error).split())[:160] or type(error).__name__
 
 
-def raw_messages(reader: Reader, topics: set[str], path: Path) -> Iterator[tuple[Any, int, bytes]]:
+def raw_messages(reader: Reader, topics: set[str], path: Path, recover: bool = False) -> Iterator[RawMessage]:
     """Yield (connection, log time, CDR) of some topics in the order of time.
+
+    Parameters
+    ----------
+    recover : bool
+        Read on behind damaged parts; what is lost is said at the end.
 
     Raises
     ------
     DataError
-        When the bag is cut or damaged on the way.
+        When the bag is cut or damaged on the way, at once, or with `recover` after all that can be read; and when
+        fewer messages came than it announces (a chunk without a checksum hides its damage).
     """
     connections = [c for c in reader.connections if c.topic in topics]
-    count = 0
+    count, damage = 0, list[Exception]()
+
+    def read(start_ns: int | None) -> Iterator[RawMessage]:
+        return reader.messages(connections, start=start_ns)
+
     try:
-        for item in reader.messages(connections):
+        for item in messages_around_damage(read, reader.end_time, damage) if recover else read(None):
             yield item
             count += 1
     except GeneratorExit:
         raise
     except Exception as error:  # noqa: BLE001 - as above
         raise DataError(f"{path} is damaged after {count} messages: {_reason(error)}") from None
+    announced = sum(c.msgcount for c in connections)
+    if damage or count < announced:
+        why = f" ({_reason(damage[0])})" if damage else ""
+        raise DataError(f"{path} is damaged{why}: {announced - count} of its {announced} messages are lost")
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +117,7 @@ class BagSource:
     names: dict[int, str]
     max_stamp_gap_ns: int
     assume_registered: bool = False
+    recover: bool = False
 
     @property
     def title(self) -> str:
@@ -112,7 +130,14 @@ class BagSource:
         return self.count
 
     def __iter__(self) -> Iterator[Sample | BadFrame]:
-        """Yield a frame, or an error value, for each depth image (colour image where there is no depth)."""
+        """Yield a frame, or an error value, for each depth image (colour image where there is no depth).
+
+        Raises
+        ------
+        DataError
+            When the bag is damaged, after the frames that could be read: those before the damage, or with `recover`
+            all.
+        """
         wanted = {
             *self.topics.images,
             self.topics.info,
@@ -120,11 +145,18 @@ class BagSource:
         }
         with open_reader(self.path) as reader:
             assembly = _Assembly(self, self._calibration(reader))
-            for _, group in groupby(raw_messages(reader, wanted, self.path), key=lambda item: item[1]):
-                for connection, _time, raw in group:
-                    assembly.add(connection.topic, raw)
-                yield from assembly.ready(end=False)
+            stream = raw_messages(reader, wanted, self.path, self.recover)
+            damage: DataError | None = None
+            try:
+                for _, group in groupby(stream, key=lambda item: item[1]):
+                    for connection, _time, raw in group:
+                        assembly.add(connection.topic, raw)
+                    yield from assembly.ready(end=False)
+            except DataError as error:
+                damage = error
             yield from assembly.ready(end=True)
+            if damage is not None:
+                raise damage
 
     def first_calibration(self) -> CameraCalibration:
         """Return the first calibration in the bag."""
@@ -132,7 +164,7 @@ class BagSource:
             return self._calibration(reader)
 
     def _calibration(self, reader: Reader) -> CameraCalibration:
-        for connection, _, raw in raw_messages(reader, {self.topics.info}, self.path):
+        for connection, _, raw in raw_messages(reader, {self.topics.info}, self.path, self.recover):
             return messages.decode_calibration(messages.decode(raw, connection.msgtype))
         raise DataError(f"{self.path} has no message on {self.topics.info}; the camera is unknown")
 
@@ -236,7 +268,11 @@ class _Assembly:
 
 
 def open_bag(
-    path: Path, max_stamp_gap_ns: int = 20_000_000, assume_registered: bool = False, **topics: str
+    path: Path,
+    max_stamp_gap_ns: int = 20_000_000,
+    assume_registered: bool = False,
+    recover: bool = False,
+    **topics: str,
 ) -> BagSource:
     """Open a rosbag2 as a source of frames.
 
@@ -246,6 +282,8 @@ def open_bag(
         Colour and depth pair when their stamps are equal, else up to this far apart.
     assume_registered : bool
         Believe that depth is registered to colour although their frame ids differ.
+    recover : bool
+        Read on behind damaged parts; the loss is the error at the end.
     **topics
         color_topic, depth_topic, color_info_topic, depth_info_topic: see `choose_topics`.
 
@@ -262,7 +300,7 @@ def open_bag(
         names = _names(reader)
     chosen = choose_topics(types, **topics)
     count = counts[chosen.depth or chosen.color or ""]
-    return BagSource(path, chosen, types, count, names, max_stamp_gap_ns, assume_registered)
+    return BagSource(path, chosen, types, count, names, max_stamp_gap_ns, assume_registered, recover)
 
 
 def _names(reader: Reader) -> dict[int, str]:

@@ -9,16 +9,18 @@ from .bag import BagSource
 from .calibration import CameraCalibration
 from .errors import DataError
 from .folder import FramesFolder
+from .readable import ReadablePart
 from .sample import BadFrame, FrameSource
 from .writers import SampleWriter
 
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """What a conversion did."""
+    """What a conversion did; `damage` is what a source that was read on behind it has lost."""
 
     written: int
     bad: tuple[BadFrame, ...]
+    damage: DataError | None = None
 
 
 def calibration_of(source: FrameSource) -> CameraCalibration | None:
@@ -29,19 +31,25 @@ def calibration_of(source: FrameSource) -> CameraCalibration | None:
 
 
 def copy_frames(
-    source: FrameSource, writer: SampleWriter, progress: Callable[[int], object] | None = None
+    source: FrameSource, writer: SampleWriter, progress: Callable[[int], object] | None = None, recover: bool = False
 ) -> Conversion:
     """Write every usable frame of a source.
+
+    Parameters
+    ----------
+    recover : bool
+        Be content with what can be read of a damaged source.
 
     Raises
     ------
     DataError
-        When there is no usable frame.
+        When there is no usable frame, or the source is damaged and `recover` false.
     """
     bad: list[BadFrame] = []
     written = 0
+    items = ReadablePart(source)
     with writer:
-        for count, item in enumerate(source, 1):
+        for count, item in enumerate(items, 1):
             if isinstance(item, BadFrame):
                 bad.append(item)
             else:
@@ -49,7 +57,9 @@ def copy_frames(
                 written += 1
             if progress:
                 progress(count)
+        if items.damage is not None and not (recover and written):
+            raise items.damage
         if not written:
             reason = f": {bad[0].error}" if bad else ""
             raise DataError(f"{source.title} has no usable frame{reason}")
-    return Conversion(written, tuple(bad))
+    return Conversion(written, tuple(bad), items.damage)
