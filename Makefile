@@ -1,9 +1,11 @@
 # Every target sets itself up from PyPI alone; no virtual environment has to be made or activated before.
-#   make demo [INPUT=<frames folder or bag>]   make test   make install   check bench fuzz soak oldest clean
+#   make demo [INPUT=<frames folder or bag>] [ARGS="--color-topic /x"]   make test   make install
+#   check bench fuzz soak oldest clean
 
 PYTHON ?= python3
 VENV   ?= .venv
 INPUT  ?=
+ARGS   ?=
 
 SHELL  := /bin/bash
 BIN    := $(abspath $(VENV))/bin
@@ -47,7 +49,7 @@ $(STAMP): setup.py setup.cfg pyproject.toml package.xml constraints.txt $(wildca
 	@touch $@
 
 demo: $(STAMP)
-	@$(BIN)/room-layout demo $(if $(INPUT),--input '$(INPUT)')
+	@$(BIN)/room-layout demo $(if $(INPUT),--input '$(INPUT)') $(ARGS)
 
 check: $(STAMP)
 	$(BIN)/ruff check .

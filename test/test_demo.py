@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from room_frames import CAMERA, room_images, stamp_ns
 
 from room_layout_ros.cli import main as room_layout
 from room_layout_ros.commands import demo, demo_live
@@ -17,7 +18,8 @@ from room_layout_ros.commands.demo_pictures import ANIMATION_FRAMES, evenly, wri
 from room_layout_ros.commands.demo_results import read_recording
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
-from room_layout_ros.datasets import DataError, good_samples, open_source
+from room_layout_ros.datasets import CameraCalibration, DataError, good_samples, open_source
+from room_layout_ros.datasets import bag_messages as messages
 
 N_FRAMES = 3
 
@@ -111,6 +113,47 @@ def test_frames_that_cannot_be_used_are_counted_on_the_page(made: Path, tmp_path
     page = check_page(out)
     assert f"{N_FRAMES - 1} of {N_FRAMES - 1}" in page
     assert "1 frames of the input could not be used" in page
+
+
+def test_a_bag_with_two_cameras_is_shown_by_the_topics_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What the README says beside `make demo INPUT=`."""
+    bag, out = two_cameras(tmp_path / "bag"), tmp_path / "out"
+    assert room_layout(["demo", "--no-node", "--input", str(bag), "--out", str(out)]) == 2
+    assert "choose one with --depth-topic" in capsys.readouterr().err
+    words = ["--color-topic=/front/color", "--depth-topic=/front/depth", "--color-info-topic=/front/camera_info"]
+    assert room_layout(["demo", "--no-node", "--input", str(bag), "--out", str(out), *words]) == 0
+    assert f"{N_FRAMES} of {N_FRAMES}" in check_page(out)
+    for sample in good_samples(open_source(out / "input")):
+        assert sample.frame.color is not None
+        assert sample.frame.color[0, 0].tolist() == [10, 20, 30], "the front camera's pixels"
+
+
+def two_cameras(path: Path) -> Path:
+    """Write a bag of two RGB-D cameras, told apart by the colour of their first pixel."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for camera, pixel in (("back", (90, 80, 70)), ("front", (10, 20, 30))):
+            topics = {name: f"/{camera}/{name}" for name in ("color", "depth", "camera_info")}
+            kinds = {"color": messages.IMAGE, "depth": messages.IMAGE, "camera_info": messages.CAMERA_INFO}
+            opened = {
+                name: writer.add_connection(topic, kinds[name], typestore=messages.typestore())
+                for name, topic in topics.items()
+            }
+            for i in range(N_FRAMES):
+                color, depth_mm = room_images(i)
+                color[0, 0] = pixel
+                stamp, calibration = stamp_ns(i), CameraCalibration.from_intrinsics(CAMERA)
+                raw = {
+                    "color": messages.encode_image_message(color, "rgb8", stamp, camera),
+                    "depth": messages.encode_image_message(depth_mm, "16UC1", stamp, camera),
+                    "camera_info": messages.encode_camera_info(calibration, stamp, camera),
+                }
+                for name, connection in opened.items():
+                    writer.write(connection, stamp, raw[name])
+    return path
 
 
 def test_where_ros_is_missing_the_demo_says_so_and_goes_on(

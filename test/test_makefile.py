@@ -56,6 +56,13 @@ def test_demo_takes_an_input(repository: Path, tmp_path: Path) -> None:
     assert plan.strip() == f"{tmp_path}/bin/room-layout demo --input '../shared/data/corridor'"
 
 
+def test_demo_takes_any_option(repository: Path, tmp_path: Path) -> None:
+    (tmp_path / ".installed").touch()
+    options = "--color-topic /left/image --frames 9"
+    plan = _make(repository, "--dry-run", "demo", f"VENV={tmp_path}", "INPUT=bag", f"ARGS={options}")
+    assert plan.strip() == f"{tmp_path}/bin/room-layout demo --input 'bag' {options}"
+
+
 def test_ci_runs_make_test_alone(repository: Path) -> None:
     script = repository / ".ci" / "run"
     assert os.access(script, os.X_OK)

@@ -24,6 +24,7 @@ from room_layout_ros.commands.demo_page import DemoFacts, demo_html
 from room_layout_ros.commands.demo_pictures import side_by_side, write_animation, write_sheets
 from room_layout_ros.commands.demo_results import Recording, read_recording
 from room_layout_ros.commands.progress import progress_bar
+from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.datasets import BadFrame, DataError, FrameSource, Sample, open_source
 from room_layout_ros.datasets.images import write_atomically
@@ -50,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rate", type=float, help="play at this multiple of real time (default: as fast as all are estimated)"
     )
     parser.add_argument("--no-node", action="store_true", help="leave out ROS: no node, no DDS")
+    add_topic_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -75,11 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
             mcap = run_offline(open_source(bag), out / "results", progress)
         notes = ()
     recording = read_recording(mcap)
-    print(
-        "\n".join(
-            str(path) for path in _show(out, source, look, recording, mcap, bag, live, (*left_out, *notes), arguments)
-        )
-    )
+    made = _show(out, source, look, recording, mcap, bag, live, (*left_out, *notes))
+    print("\n".join(str(path) for path in made))
     return 0
 
 
@@ -100,7 +99,7 @@ def _check(arguments: argparse.Namespace) -> None:
 
 def _source(arguments: argparse.Namespace) -> FrameSource:
     if arguments.input is not None:
-        return open_source(arguments.input)
+        return open_with_topics(arguments.input, arguments)
     from room_layout_ros.datasets.synthetic import SyntheticSource
 
     return SyntheticSource(frames=arguments.frames or RENDERED_FRAMES, seed=arguments.seed)
@@ -156,7 +155,7 @@ def _seen(sample: Sample) -> _Seen:
 
 def _show(
     out: Path, source: FrameSource, look: dict[int, _Seen], recording: Recording, mcap: Path, bag: Path, live: bool,
-    notes: tuple[str, ...], arguments: argparse.Namespace,
+    notes: tuple[str, ...],
 ) -> list[Path]:  # fmt: skip
     """Write pictures and page; return the paths, the page last."""
     stamps = [stamp for stamp in sorted(look) if stamp in recording.overlay]
@@ -178,7 +177,7 @@ def _show(
         sheets=[sheet.relative_to(out) for sheet in sheets],
         mcap=mcap.relative_to(out),
         bag=bag.relative_to(out),
-        commands=_by_hand(bag, arguments),
+        commands=_by_hand(bag),
         notes=notes,
     )
     page = out / "index.html"
@@ -211,9 +210,9 @@ def _cards(look: dict[int, _Seen], recording: Recording, stamps: list[int]) -> l
     return cards
 
 
-def _by_hand(bag: Path, arguments: argparse.Namespace) -> list[str]:
+def _by_hand(bag: Path) -> list[str]:
     return [
         "ros2 run room_layout_ros estimator        # or: estimator",
         f"room-layout play {bag}",
-        f"room-layout estimate {arguments.input or bag} --out estimates --overlay",
+        f"room-layout estimate {bag} --out estimates --overlay",
     ]
