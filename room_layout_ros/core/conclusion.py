@@ -39,7 +39,8 @@ class RefinedRoom:
     ----------
     cost : mean cost per cell of the fit (`room_cost`), 0 without depth.
     balance : (5, 3) support, violation and area per face (`room_balance`), 0 without depth.
-    measured : share of pixels with depth. certainty : mean of the largest probability of the context.
+    measured : share of pixels with depth. certainty : mean of the largest probability of the
+        context, 0 without one.
     """
 
     cuboid: RoomCuboid
@@ -61,30 +62,30 @@ def refine_cuboid(
     """Turn the axes and move the planes of the discrete optimum to the best continuous cuboid.
 
     With depth the refinement starts from the joint solution and from the best cuboid over candidate offsets
-    (`room_search`), and keeps the better one. Without, the image decides: context and labels in equal parts.
+    (`room_search`), and keeps the better one. Without, the image decides: context and labels in equal parts. Where no
+    context is known, the labels alone are believed.
 
     Parameters
     ----------
     joint : JointEstimate
     geometry : DepthGeometry or None
-    context : (K, 6) float64 label probabilities; None: nothing is known of any.
+    context : (K, 6) float64 label probabilities, None where there are none.
     axes : ManhattanFrame, in whose naming the scene network sees the walls.
     scores : SceneScores or None
         The face behind each part of the image, which counts besides.
     """
     cuboid = joint.cuboid
-    if context is None:
-        context = np.full((superpixels.count, N_LABELS), 1.0 / N_LABELS)
+    labels = np.eye(N_LABELS)[joint.labels.astype(np.intp) - 1]
+    believed = labels if context is None else context
     behind = None if scores is None else rename_walls(scores.layout, axes.R_room_camera, cuboid.R_room_camera)
-    certainty = float(np.average(context.max(axis=1), weights=superpixels.pixels))
+    certainty = 0.0 if context is None else float(np.average(context.max(axis=1), weights=superpixels.pixels))
     start = FittedRoom(cuboid.R_room_camera, cuboid.distances, np.inf)
     if geometry is None:
-        believed = 0.5 * context + 0.5 * np.eye(N_LABELS)[joint.labels.astype(np.intp) - 1]
-        cells = image_cells(camera, believed, superpixels.index, behind)
+        cells = image_cells(camera, 0.5 * believed + 0.5 * labels, superpixels.index, behind)
         room = refine_room(cells, start, IMAGE_COSTS)
         measured = 0.0
     else:
-        cells = room_cells(geometry, context, superpixels.index, behind)
+        cells = room_cells(geometry, believed, superpixels.index, behind)
         starts = (rate_room(cells, start), search_room(cells, cuboid.R_room_camera))
         limit = _HOPELESS * min(start.cost for start in starts)
         room = min((refine_room(cells, start) for start in starts if start.cost <= limit), key=lambda room: room.cost)
