@@ -55,7 +55,7 @@ def alone() -> SvmResult:
 
 def learn(folder: Path, jobs: int, scheduler: str | None) -> SvmResult:
     with open_workers(jobs, scheduler) as spread:
-        separator = SpreadSeparator(partial(answer, folder), N, spread, chunk=5)
+        separator = SpreadSeparator(partial(answer, folder), range(N), spread, "points of three classes", chunk=5)
         return learn_one_slack(separator, np.zeros(12), CONFIG)
 
 

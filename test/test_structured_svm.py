@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import itertools
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +16,7 @@ from numpy.typing import NDArray
 
 from room_layout_ros.learning.frank_wolfe import learn_frank_wolfe
 from room_layout_ros.learning.oracle import LocalSeparator, Separation
-from room_layout_ros.learning.structured_svm import SvmConfig, SvmProgress, learn_one_slack, solve_dual
+from room_layout_ros.learning.structured_svm import SvmConfig, SvmProgress, SvmResult, learn_one_slack, solve_dual
 
 Point = tuple[NDArray[np.float64], int]
 Chain = tuple[NDArray[np.float64], NDArray[np.int64]]
@@ -175,14 +180,29 @@ def test_restart_from_a_checkpoint_ends_at_the_same_weights(chains: list[Chain],
     np.testing.assert_array_equal(second.weights, whole.weights)
 
 
-def test_a_checkpoint_of_another_run_is_refused(chains: list[Chain], tmp_path: Path) -> None:
+Learn = Callable[..., SvmResult]
+LEARNERS = [learn_one_slack, partial(learn_frank_wolfe, seed=1)]
+
+
+@pytest.mark.parametrize("learn", LEARNERS)
+def test_a_checkpoint_of_another_problem_is_refused(learn: Learn, chains: list[Chain], tmp_path: Path) -> None:
+    """Another C, start, oracle, or as many other examples: old weights must not come back under new names."""
     separator, file = LocalSeparator(chain_oracle, chains), tmp_path / "run.npz"
-    learn_one_slack(separator, np.zeros(15), SvmConfig(10.0, 1e-4, max_rounds=2), checkpoint=file)
-    with pytest.raises(ValueError, match="another C"):
-        learn_one_slack(separator, np.zeros(15), SvmConfig(20.0), checkpoint=file)
+    learn(separator, np.zeros(15), SvmConfig(10.0, 1e-4, max_rounds=2), checkpoint=file)
+    moved = [(observed + 1e-9 * (i == 7), states) for i, (observed, states) in enumerate(chains)]
+    others: list[tuple[LocalSeparator[Any], NDArray[np.float64], SvmConfig]] = [
+        (LocalSeparator(chain_oracle, moved), np.zeros(15), SvmConfig(10.0)),
+        (LocalSeparator(chain_oracle, chains[::-1]), np.zeros(15), SvmConfig(10.0)),
+        (LocalSeparator(multiclass_oracle, chains), np.zeros(15), SvmConfig(10.0)),
+        (separator, np.zeros(15), SvmConfig(20.0)),
+        (separator, np.ones(15), SvmConfig(10.0)),
+    ]
+    for problem in others:
+        with pytest.raises(ValueError, match="other examples or settings; remove it"):
+            learn(*problem, checkpoint=file)
     file.write_bytes(b"PK\x03\x04 cut")
     with pytest.raises(ValueError, match="no checkpoint"):
-        learn_one_slack(separator, np.zeros(15), SvmConfig(10.0), checkpoint=file)
+        learn(separator, np.zeros(15), SvmConfig(10.0), checkpoint=file)
 
 
 def test_frank_wolfe_restarts_from_a_checkpoint_to_the_same_weights(chains: list[Chain], tmp_path: Path) -> None:
@@ -190,13 +210,37 @@ def test_frank_wolfe_restarts_from_a_checkpoint_to_the_same_weights(chains: list
     whole = learn_frank_wolfe(separator, np.zeros(15), SvmConfig(10.0, 1e-9, 20), seed=1)
     learn_frank_wolfe(separator, np.zeros(15), SvmConfig(10.0, 1e-9, 10), seed=1, checkpoint=file)
     second = learn_frank_wolfe(separator, np.zeros(15), SvmConfig(10.0, 1e-9, 20), seed=1, checkpoint=file)
-    assert [r.round for r in second.history] == [r.round for r in whole.history] == [5, 10, 15, 20]
+    assert [r.round for r in second.history] == [r.round for r in whole.history] == list(range(1, 21))
     np.testing.assert_array_equal(second.weights, whole.weights)
-    with pytest.raises(ValueError, match="other settings"):
+    with pytest.raises(ValueError, match="other examples or settings"):
         learn_frank_wolfe(separator, np.zeros(15), SvmConfig(10.0), seed=2, checkpoint=file)
-    file.write_bytes(b"PK\x03\x04 cut")
-    with pytest.raises(ValueError, match="no checkpoint"):
-        learn_frank_wolfe(separator, np.zeros(15), SvmConfig(10.0), seed=1, checkpoint=file)
+
+
+def test_frank_wolfe_tells_every_pass_and_its_dual_rises(chains: list[Chain]) -> None:
+    separator, rows = LocalSeparator(chain_oracle, chains), list[SvmProgress]()
+    config = SvmConfig(10.0, 1e-9, 7)
+    result = learn_frank_wolfe(separator, np.zeros(15), config, 1, rows.append, gap_every=3)
+    assert [row.round for row in rows] == list(range(1, 8))
+    assert [math.isinf(row.objective) for row in rows] == [True, True, False, False, False, False, False]
+    assert all(a.dual < b.dual for a, b in itertools.pairwise(rows))
+    assert all(row.dual <= row.objective and 0 < row.loss <= 1 for row in rows)
+    assert result.history == tuple(rows)
+
+
+def test_frank_wolfe_stopped_before_its_first_measurement_is_measured_on_return(
+    chains: list[Chain], tmp_path: Path
+) -> None:
+    separator, config, file = LocalSeparator(chain_oracle, chains), SvmConfig(10.0, 1e-9, 2), tmp_path / "run.npz"
+    whole = learn_frank_wolfe(separator, np.zeros(15), config, 1)
+
+    def stop(row: SvmProgress) -> None:
+        if row.round == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        learn_frank_wolfe(separator, np.zeros(15), replace(config, max_rounds=9), 1, stop, file)
+    again = learn_frank_wolfe(separator, np.zeros(15), config, 1, checkpoint=file)
+    np.testing.assert_array_equal(again.weights, whole.weights)
 
 
 def test_no_example_and_bad_settings_are_refused() -> None:

@@ -16,10 +16,11 @@ from room_layout_ros.core.weights import N_FEATURES, SLICES, ModelWeights, start
 from room_layout_ros.datasets import Sample
 from room_layout_ros.datasets.synthetic import NOISES, random_pose, random_scene, render
 from room_layout_ros.learning.joint_examples import FrameDescription, JointExample, build_example, describe
-from room_layout_ros.learning.joint_oracle import JointOracle, active_features, predict_loss
-from room_layout_ros.learning.losses import joint_loss
+from room_layout_ros.learning.joint_oracle import JointOracle, active_features, judge
+from room_layout_ros.learning.losses import joint_loss, label_overlap, mean_iou
+from room_layout_ros.learning.oracle import LocalSeparator
 from room_layout_ros.learning.structured_svm import SvmConfig
-from room_layout_ros.learning.train import TrainConfig, folds_of, learn_weights, local_separator
+from room_layout_ros.learning.train import TrainConfig, folds_of, joint_oracle, learn_weights
 from room_layout_ros.learning.train_run import choose_names
 
 CAMERA = CameraIntrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)
@@ -83,6 +84,22 @@ def test_losses_count_pixels() -> None:
     assert other.labelling == pytest.approx(e.attainable.labelling)
 
 
+def test_overlap_of_labels_agrees_with_the_loss_and_its_iou_with_a_count_of_pixels(rng: np.random.Generator) -> None:
+    e = example(1)
+    costs = e.costs[e.truth_index]
+    labels = np.where(rng.random(len(e.truth_labels)) < 0.7, e.truth_labels, rng.integers(6, size=len(e.truth_labels)))
+    overlap = label_overlap(costs, labels)
+    wrong = joint_loss(e.problems[e.truth_index], costs, e.truth_layout, labels).labelling
+    assert overlap.sum() - np.trace(overlap) == pytest.approx(wrong)
+    shares = np.stack([costs.label.sum(axis=1) / 5.0 - costs.label[:, k] for k in range(6)], axis=1)
+    both = [shares[labels == k, k].sum() for k in range(6)]
+    either = [shares[:, k].sum() + shares[labels == k].sum() - both[k] for k in range(6)]
+    expected = [b / u for b, u in zip(both, either, strict=True) if u > 0]
+    assert mean_iou(overlap) == pytest.approx(np.mean(expected))
+    assert mean_iou(np.diag([0.5, 0.3, 0.0, 0.0, 0.1, 0.0])) == 1.0
+    assert np.isnan(mean_iou(np.zeros((6, 6))))
+
+
 def test_no_random_output_violates_more_than_the_oracles(rng: np.random.Generator) -> None:
     weights = start_weights().vector
     for seed in SEEDS[:3]:
@@ -114,12 +131,12 @@ def test_learning_betters_the_losses_and_repeats_to_the_number(algorithm: str, r
     examples = [example(seed) for seed in SEEDS[:4]]
     start = ModelWeights(np.zeros(N_FEATURES))
     config = TrainConfig(svm=SvmConfig(100.0, 0.01, rounds), algorithm=algorithm)
-    separator = local_separator(examples, CONFIG)
+    separator = LocalSeparator(joint_oracle(CONFIG), examples)
     first = learn_weights(separator, config, start)
     second = learn_weights(separator, config, start)
     np.testing.assert_array_equal(first.weights, second.weights)
-    before = np.mean([predict_loss(start, e, CONFIG).total for e in examples])
-    after = np.mean([predict_loss(ModelWeights(first.weights), e, CONFIG).total for e in examples])
+    before = np.mean([judge(start, e, CONFIG).loss.total for e in examples])
+    after = np.mean([judge(ModelWeights(first.weights), e, CONFIG).loss.total for e in examples])
     assert after < 0.4 * before
 
 

@@ -19,6 +19,7 @@ from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.datasets import DataError, FrameSource, open_source
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.learning.fit_frame import FITS_FILE, MAX_COST, MIN_QUALITY, FitJob, fit_item, lost_result
+from room_layout_ros.learning.frames_apart import frames_apart
 from room_layout_ros.parallel import map_ordered
 
 
@@ -50,7 +51,9 @@ def run(arguments: argparse.Namespace) -> int:
     lines = []
     with progress_bar("fit", source.length) as progress:
         work = partial(fit_item, job)
-        for result in map_ordered(work, source, arguments.jobs, arguments.scheduler, progress, lost_result):
+        for result in map_ordered(
+            work, frames_apart(source), arguments.jobs, arguments.scheduler, progress, lost_result
+        ):
             for file, content in result.files.items():
                 write_atomically(arguments.out / file, content)
             lines.append(dict(result.line))

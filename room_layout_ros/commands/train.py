@@ -5,8 +5,9 @@ DIR gets:
   furniture_rgbd.npz  classifier of clutter superpixels, likewise
   joint_rgbd.npz      weights of the joint energy, by a structured SVM on out-of-fold context
   training.json       settings, progress and cross-validated losses
-  work/               checkpoints (a stopped run goes on where it was) and cached examples; may be deleted afterwards
+  work/               examples and checkpoints: the same command goes on where it was stopped; may be deleted then
 With --rgb-only the files end in _rgb, without --scene in _plain. Copy them into config/ to make them the default.
+With --c-curve DIR gets c_curve.json alone: errors on one half of the frames after learning on the other, for each C.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -27,20 +29,22 @@ from room_layout_ros.core.weights import ModelWeights, save_weights, start_weigh
 from room_layout_ros.datasets import DataError, FramesFolder, open_source
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.learning import train
-from room_layout_ros.learning.context import train_context, train_furniture
+from room_layout_ros.learning.context import RGB_SETTINGS, ContextSettings, train_context, train_furniture
+from room_layout_ros.learning.example_store import ExampleRef, ExampleStore
 from room_layout_ros.learning.fit_frame import read_fits
-from room_layout_ros.learning.joint_examples import JointExample
-from room_layout_ros.learning.scene_folds import SceneFolds, read_folds
+from room_layout_ros.learning.origin import origin
+from room_layout_ros.learning.scene_folds import read_folds
 from room_layout_ros.learning.structured_svm import SvmConfig, SvmProgress, SvmResult
 from room_layout_ros.learning.train_run import (
-    RunStages,
+    Workplace,
+    build_examples,
     choose_names,
     describe_frames,
     fit_rooms,
     make_separator,
-    split_by_name,
+    validate,
 )
-from room_layout_ros.parallel import Spread, open_workers
+from room_layout_ros.parallel import open_workers
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,26 +63,48 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--algorithm", choices=("one-slack", "frank-wolfe"), default="frank-wolfe", help="(default frank-wolfe)")
     add("--folds", type=int, default=4, help="folds of the out-of-fold context (default 4)")
     add("--validate", type=int, default=2, metavar="K", help="folds of cross-validation of the weights, 0: none")
+    add("--c-curve", type=_numbers, metavar="C,C,...", help="measure how the errors depend on C; no models are written")
+    add("--trees", type=int, metavar="N", help="trees of the context classifier (default 120, RGB 150)")
+    add("--synthetic", type=int, metavar="N", help="rendered rooms for the context classifier (default 480, RGB 0)")
     add("--jobs", type=int, default=1, metavar="N", help="local processes (default 1)")
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler, tcp://host:port, instead of --jobs")
 
 
+def _numbers(text: str) -> tuple[float, ...]:
+    try:
+        values = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        values = ()
+    if not values or not all(0 < value < math.inf for value in values):
+        raise argparse.ArgumentTypeError(f"{text!r} is no list of numbers above 0 with commas between them")
+    return values
+
+
+def _settings(arguments: argparse.Namespace) -> ContextSettings:
+    settings = RGB_SETTINGS if arguments.rgb_only else ContextSettings()
+    if arguments.trees is not None:
+        settings = dataclasses.replace(settings, trees=arguments.trees, face_trees=max(1, arguments.trees // 3))
+    if arguments.synthetic is not None:
+        settings = dataclasses.replace(settings, synthetic_frames=arguments.synthetic)
+    return settings
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Train and write the models."""
-    try:
-        svm = SvmConfig(arguments.c, arguments.epsilon, arguments.rounds)
-    except ValueError as error:
-        raise DataError(str(error)) from None
+    svm = SvmConfig(arguments.c, arguments.epsilon, arguments.rounds)
     source = open_source(arguments.input)
     if not isinstance(source, FramesFolder):
         raise DataError(f"{source.title} is no frames folder; training needs one with labels40/")
     held_out = subset_names(source, arguments.hold_out)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    config = train.TrainConfig(svm=svm, folds=arguments.folds, algorithm=arguments.algorithm)
+    context = _settings(arguments)
+    config = train.TrainConfig(svm=svm, folds=arguments.folds, algorithm=arguments.algorithm, context=context)
     estimator = EstimatorConfig(use_depth=not arguments.rgb_only, scene_network=arguments.scene is not None)
-    networks = None if arguments.scene is None else read_folds(arguments.scene)
+    networks = None if arguments.scene is None else read_folds(arguments.scene.absolute())
+    store = ExampleStore((arguments.out / "work" / "examples").absolute())
     with open_workers(arguments.jobs, arguments.scheduler) as spread:
-        _Run(arguments, source, config, estimator, networks, spread).go(held_out)
+        place = Workplace(estimator, store, spread, networks)
+        _Run(arguments, source, config, place).go(held_out)
     return 0
 
 
@@ -87,46 +113,54 @@ class _Run:
     arguments: argparse.Namespace
     source: FramesFolder
     config: train.TrainConfig
-    estimator: EstimatorConfig
-    networks: SceneFolds | None
-    spread: Spread
+    place: Workplace
 
     def go(self, held_out: tuple[str, ...]) -> None:
         """Fit, describe, classify, learn, validate, write."""
         rooms = self.rooms()
-        names = set(choose_names([n for n in self.source.names if n in rooms], held_out, self.arguments.frames))
-        with progress_bar("describe", len(names)) as progress:
-            chosen = {n: r for n, r in rooms.items() if n in names}
-            descriptions = describe_frames(self.source, chosen, self.estimator, self.spread, progress, self.networks)
-        contexts = train.out_of_fold_context(descriptions, self.config, _say)
-        examples = train.build_examples(descriptions, contexts, self.estimator)
-        _say(f"{len(examples)} of {len(descriptions)} frames can be stated under the axes found")
+        names = choose_names([n for n in self.source.names if n in rooms], held_out, self.arguments.frames)
+        examples = self.examples({name: rooms[name] for name in names})
+        if self.arguments.c_curve:
+            print(self.c_curve(examples))
+            return
         facts = {
             "data": self.source.path.name,
             "frames": len(examples),
             "first": examples[0].name if examples else "",
             "last": examples[-1].name if examples else "",
             "held_out": list(held_out),
-            "depth": self.estimator.use_depth,
-            "command": "room-layout train " + " ".join(sys.argv[2:]),
+            "depth": self.place.config.use_depth,
+            **origin(),
         }
         facts["cross_validation"] = self.cross_validate(examples)
-        result = self.learn(examples, "all")
+        result = self.learn(examples, "all", self.config)
         self.write(ModelWeights(result.weights), train.card_of(self.config, result, facts), result)
         paths = self.classify(rooms, held_out, facts)
         print("\n".join(str(path) for path in (*paths, self.path("joint"))))
 
+    def examples(self, rooms: dict[str, RoomCuboid]) -> list[ExampleRef]:
+        """State the frames with these rooms as joint problems, with context from forests that saw none of them."""
+        with progress_bar("describe", len(rooms)) as progress:
+            frames = describe_frames(self.source, rooms, self.place, progress, _say)
+        contexts = train.out_of_fold_context(frames, self.config, _say)
+        with progress_bar("examples", len(frames)) as progress:
+            examples = build_examples(self.source, rooms, contexts, self.place, progress)
+        _say(f"{len(examples)} of {len(frames)} frames can be stated under the axes found")
+        return examples
+
     def path(self, kind: str) -> Path:
-        return self.arguments.out / model_file(kind, self.estimator.use_depth, self.networks is not None)
+        return self.arguments.out / model_file(kind, self.place.config.use_depth, self.place.networks is not None)
 
     def classify(self, rooms: dict[str, RoomCuboid], held_out: tuple[str, ...], facts: dict[str, Any]) -> list[Path]:
         """Grow the forests that ship: of all frames, degraded ones and rendered rooms."""
         paths = [self.path("context"), self.path("furniture")]
         numbers = tuple(train.frame_numbers(held_out))
-        about = {key: facts[key] for key in ("command",)}
+        about = {key: facts[key] for key in ("command", "date")}
+        settings, networks = self.config.context, self.place.networks
         _, table = train_context(
-            self.source, rooms, paths[0], self.estimator, numbers, facts=about, progress=_say, networks=self.networks
-        )
+            self.source, rooms, paths[0], self.place.config, numbers,
+            settings=settings, facts=about, progress=_say, networks=networks,
+        )  # fmt: skip
         train_furniture(table, paths[1], facts=about)
         return paths
 
@@ -134,41 +168,69 @@ class _Run:
         if self.arguments.fits is not None:
             return dict(read_fits(self.arguments.fits))
         with progress_bar("fit", self.source.length) as progress:
-            return fit_rooms(self.source, self.spread, progress)
+            return fit_rooms(self.source, self.place.spread, progress)
 
-    def learn(self, examples: list[JointExample], what: str) -> SvmResult:
-        stages = RunStages(self.arguments.out / "work" / what)
-        stages.folder.mkdir(parents=True, exist_ok=True)
-        alone = self.arguments.jobs == 1 and self.arguments.scheduler is None
-        separator = make_separator(examples, self.estimator, stages, None if alone else self.spread)
-        limit = self.config.svm.max_rounds
+    def learn(self, examples: list[ExampleRef], what: str, config: train.TrainConfig) -> SvmResult:
+        separator = make_separator(examples, self.place)
+        checkpoint = self.checkpoint(train.checkpoint_name(separator, config, self.start()), what)
+        limit = config.svm.max_rounds
 
         def show(row: SvmProgress) -> None:
             left = row.seconds / row.round * (limit - row.round)
+            measured = f"objective {row.objective:.4f}  gap {row.gap:.4f}" if row.gap < math.inf else "not measured yet"
             _say(
-                f"{what}: round {row.round}/{limit}  objective {row.objective:.4f}  gap {row.gap:.4f}  "
-                f"constraints {row.constraints}  {row.seconds:.0f} s, at most {left:.0f} s left"
+                f"{what}: round {row.round}/{limit}  dual {row.dual:.4f}  {measured}  constraints {row.constraints}  "
+                f"{row.seconds:.0f} s, at most {left:.0f} s left"
             )
 
-        start = self.start()
-        return train.learn_weights(separator, self.config, start, show, stages.folder / "checkpoint.npz")
+        return train.learn_weights(separator, config, self.start(), show, checkpoint)
+
+    def checkpoint(self, name: str, what: str) -> Path:
+        """Return the checkpoint of a problem, and say whether the run goes on from it or starts anew beside others."""
+        folder = self.arguments.out / "work" / what
+        folder.mkdir(parents=True, exist_ok=True)
+        others = [path.name for path in folder.glob("*.npz") if path.name != name]
+        if (folder / name).exists():
+            _say(f"{what}: goes on from {folder / name}")
+        elif others:
+            _say(f"{what}: starts anew; {folder} has checkpoints of other examples or settings only")
+        return folder / name
 
     def start(self) -> ModelWeights:
-        weights = start_weights().variant("full" if self.estimator.use_depth else "rgb")
-        return weights if self.networks is not None else weights.variant("no_scene")
+        weights = start_weights().variant("full" if self.place.config.use_depth else "rgb")
+        return weights if self.place.networks is not None else weights.variant("no_scene")
 
-    def cross_validate(self, examples: list[JointExample]) -> list[dict[str, float]]:
+    def halves(self, examples: list[ExampleRef], folds: int) -> list[tuple[list[ExampleRef], list[ExampleRef]]]:
+        """Return (to learn from, to validate on) for each fold."""
+        positions = train.folds_of([e.name for e in examples], folds)
+        return [([examples[i] for i in learned], [examples[i] for i in held]) for learned, held in positions]
+
+    def cross_validate(self, examples: list[ExampleRef]) -> list[dict[str, float]]:
         if not self.arguments.validate:
             return []
-        positions = list(train.folds_of([e.name for e in examples], self.arguments.validate))
         rows = []
-        for number, (learned, held) in enumerate(split_by_name(examples, positions), 1):
-            result = self.learn(learned, f"fold{number}")
-            row = train.validate(ModelWeights(result.weights), held, self.estimator)
-            before = train.validate(self.start(), held, self.estimator)
+        for number, (learned, held) in enumerate(self.halves(examples, self.arguments.validate), 1):
+            result = self.learn(learned, f"fold{number}", self.config)
+            row = validate(ModelWeights(result.weights), held, self.place)
+            before = validate(self.start(), held, self.place)
             rows.append({**row, "start_layout": before["layout"], "start_labelling": before["labelling"]})
             _say(f"fold {number}: {rows[-1]}")
         return rows
+
+    def c_curve(self, examples: list[ExampleRef]) -> Path:
+        """Learn on one half with every C, validate on the other, and write the table (Figure 4 b-d)."""
+        learned, held = self.halves(examples, 2)[0]
+        rows = []
+        for C in sorted(self.arguments.c_curve):
+            config = dataclasses.replace(self.config, svm=dataclasses.replace(self.config.svm, C=C))
+            result = self.learn(learned, f"C{C:g}", config)
+            errors = validate(ModelWeights(result.weights), held, self.place)
+            rows.append({"C": C, **{key: errors[key] for key in ("layout", "labelling", "mean_iou")}})
+            _say(f"{rows[-1]}")
+        facts = {"depth": self.place.config.use_depth, "learned": len(learned), "validated": len(held), **origin()}
+        path: Path = self.arguments.out / "c_curve.json"
+        write_atomically(path, json.dumps({"rows": rows, **facts}, indent=1).encode())
+        return path
 
     def write(self, weights: ModelWeights, card: dict[str, Any], result: SvmResult) -> None:
         out = self.arguments.out

@@ -17,6 +17,7 @@ from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.datasets import BadFrame, DataError, Sample
 from room_layout_ros.datasets.images import encode_image
 
+from .frames_apart import FrameAt, read_frame
 from .layout_fitting import LayoutFit, fit_layout
 
 FITS_FILE = "fits.jsonl"
@@ -46,9 +47,10 @@ class FitResult:
     files: Mapping[str, bytes] = field(default_factory=dict)
 
 
-def fit_item(job: FitJob, item: Sample | BadFrame) -> FitResult:
-    """Fit one item of a source; a frame that cannot be fitted gets a line that says why."""
+def fit_item(job: FitJob, frame: FrameAt | Sample | BadFrame) -> FitResult:
+    """Fit one frame of a source; one that cannot be fitted gets a line that says why."""
     cv2.setNumThreads(1)  # processes are the parallelism here
+    item = read_frame(frame)
     if isinstance(item, BadFrame):
         return FitResult({"name": item.name, "accepted": False, "error": item.error})
     if item.truth is None or item.truth.labels40 is None:
@@ -67,7 +69,7 @@ def accepted(job: FitJob, fit: LayoutFit) -> bool:
     return bool(fit.quality >= job.min_quality and fit.cost <= job.max_cost and (fit.layout > 0).all())
 
 
-def lost_result(item: Sample | BadFrame) -> FitResult:
+def lost_result(item: FrameAt | Sample | BadFrame) -> FitResult:
     """Return the line of a frame whose worker died each time."""
     return FitResult({"name": item.name, "accepted": False, "error": "the worker process died at this frame"})
 
@@ -107,10 +109,17 @@ def read_fits(folder: Path) -> dict[str, RoomCuboid]:
     for number, text in enumerate(path.read_text("utf-8").splitlines(), 1):
         try:
             line = json.loads(text)
-            if line["accepted"]:
-                distances = np.array([math.inf if d is None else d for d in line["distances_m"]], np.float64)
-                U, _, Vt = np.linalg.svd(np.array(line["axes"], np.float64))  # the digits of the file are rounded
-                rooms[str(line["name"])] = RoomCuboid(U @ Vt, distances)
+            if (room := read_line(line)) is not None:
+                rooms[str(line["name"])] = room
         except (ValueError, KeyError, TypeError) as error:
             raise DataError(f"{path}, line {number} is no fit: {error}") from None
     return rooms
+
+
+def read_line(line: Mapping[str, Any]) -> RoomCuboid | None:
+    """Return the room of an accepted fit's line, None for another."""
+    if not line["accepted"]:
+        return None
+    distances = np.array([math.inf if d is None else d for d in line["distances_m"]], np.float64)
+    U, _, Vt = np.linalg.svd(np.array(line["axes"], np.float64))  # the digits of a line are rounded
+    return RoomCuboid(U @ Vt, distances)

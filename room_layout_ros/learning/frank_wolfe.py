@@ -7,11 +7,8 @@ mixed into that example's share of the weights by a step of closed form.
 
 from __future__ import annotations
 
-import io
 import math
-import os
 import time
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .oracle import Separation, Separator
-from .structured_svm import SvmConfig, SvmProgress, SvmResult, average
+from .structured_svm import SvmConfig, SvmProgress, SvmResult, average, load_state, problem_key, save_state
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +28,7 @@ class BlockState:
     ----------
     shares : (N, d) each example's part of w - w0. losses : (N,) its part of the dual.
     change : (d,) w - w0, the sum of the shares. mean : (d,) weighted average of the iterates. steps : done.
-    best_weights, best_objective : of the measured points. history : a row per measurement. seconds : spent.
+    best_weights, best_objective : of the measured points. history : a row a pass. seconds : spent.
     sweep : passes done.
     """
 
@@ -67,7 +64,7 @@ def learn_frank_wolfe(
     seed : int
         Of the order of the examples in each pass.
     progress : callable
-        Told after every pass in which the gap was measured.
+        Told after every pass. The dual is known each time, the objective is that of the last measurement.
     checkpoint : Path, optional
         File that is written after every pass, and read first if it is there.
     batch : int
@@ -85,17 +82,22 @@ def learn_frank_wolfe(
     start = np.asarray(start, np.float64)
     N, d = separator.count, len(start)
     state = BlockState(np.zeros((N, d)), np.zeros(N), np.zeros(d), np.zeros(d), start.copy())
+    problem = "" if checkpoint is None else problem_key(separator, start, config.C, seed)
     if checkpoint is not None and checkpoint.exists():
-        state = read_checkpoint(checkpoint, start, N, config.C, seed)
+        state = read_checkpoint(checkpoint, problem)
     began = time.monotonic() - state.seconds
     while not _converged(state, config) and state.sweep < config.max_rounds:
-        state = _sweep(state, separator, start, config.C, np.random.default_rng((seed, state.sweep)), batch)
+        state, loss = _sweep(state, separator, start, config.C, np.random.default_rng((seed, state.sweep)), batch)
         if state.sweep % gap_every == 0 or state.sweep == config.max_rounds:
-            state = _measure(state, separator, start, config.C, began)
-            progress(state.history[-1])
-        state = replace(state, seconds=time.monotonic() - began)
+            state = _measure(state, separator, start, config.C)
+        state = _with_row(state, loss, time.monotonic() - began)
+        progress(state.history[-1])
         if checkpoint is not None:
-            write_checkpoint(checkpoint, state, start, config.C, seed)
+            write_checkpoint(checkpoint, state, problem)
+    if math.isinf(
+        state.best_objective
+    ):  # a checkpoint of more passes than are wanted now, stopped before a measurement
+        state = _measure(state, separator, start, config.C)
     return SvmResult(state.best_weights, _converged(state, config), state.history)
 
 
@@ -110,9 +112,9 @@ def _sweep(
     C: float,
     rng: np.random.Generator,
     batch: int,
-) -> BlockState:
-    """One pass over the examples in random order."""
-    N = separator.count
+) -> tuple[BlockState, float]:
+    """One pass over the examples in random order; returns the mean loss of the answers too."""
+    N, loss = separator.count, 0.0
     shares, losses, change, mean, steps = (
         state.shares.copy(), state.losses.copy(), state.change.copy(), state.mean.copy(), state.steps,
     )  # fmt: skip
@@ -122,22 +124,28 @@ def _sweep(
         for i, answer in zip(chosen, separator.separate(start + change, chosen), strict=True):
             change = change + _step(shares, losses, i, answer, change, start, C / N)
             mean += 2.0 / (steps + 2.0) * (change - mean)
+            loss += answer.loss / N
             steps += 1
-    return replace(state, shares=shares, losses=losses, change=change, mean=mean, steps=steps, sweep=state.sweep + 1)
+    after = replace(state, shares=shares, losses=losses, change=change, mean=mean, steps=steps, sweep=state.sweep + 1)
+    return after, loss
 
 
-def _measure(state: BlockState, separator: Separator, start: NDArray[np.float64], C: float, began: float) -> BlockState:
+def _measure(state: BlockState, separator: Separator, start: NDArray[np.float64], C: float) -> BlockState:
     """Measure the objective at the last and the mean iterate, and keep the best."""
-    dual = float(state.losses.sum()) - 0.5 * float(state.change @ state.change)
-    best, weights, loss = state.best_objective, state.best_weights, 0.0
+    best, weights = state.best_objective, state.best_weights
     for candidate in (state.mean, state.change):
         found = average(separator.separate(start + candidate))
         objective = 0.5 * float(candidate @ candidate) + C * max(0.0, found.violation(start + candidate))
-        loss = found.loss
         if objective < best:
             best, weights = objective, start + candidate
-    row = SvmProgress(state.sweep, best, dual, separator.count, loss, time.monotonic() - began)
-    return replace(state, best_objective=best, best_weights=weights, history=(*state.history, row))
+    return replace(state, best_objective=best, best_weights=weights)
+
+
+def _with_row(state: BlockState, loss: float, seconds: float) -> BlockState:
+    """Write the pass down; its dual is that of the shares, so it costs nothing."""
+    dual = float(state.losses.sum()) - 0.5 * float(state.change @ state.change)
+    row = SvmProgress(state.sweep, state.best_objective, dual, len(state.shares), loss, seconds)
+    return replace(state, seconds=seconds, history=(*state.history, row))
 
 
 def _step(
@@ -161,40 +169,29 @@ def _step(
     return gamma * direction
 
 
-def write_checkpoint(path: Path, state: BlockState, start: NDArray[np.float64], C: float, seed: int) -> None:
-    """Write the state; the file appears whole or not at all."""
-    history = [(r.round, r.objective, r.dual, r.constraints, r.loss, r.seconds) for r in state.history]
-    arrays = {name: getattr(state, name) for name in BlockState.__slots__ if name != "history"}
-    partial = path.with_name(f".{path.name}.{os.getpid()}.npz")
-    rows = np.array(history, np.float64).reshape(-1, 6)
-    np.savez(partial, history=rows, start=start, problem=np.array([C, float(seed)]), **arrays)
-    partial.replace(path)
+def write_checkpoint(path: Path, state: BlockState, problem: str) -> None:
+    """Write the state of a run on a problem (`problem_key`); the file appears whole or not at all."""
+    save_state(path, problem, state.history, {name: getattr(state, name) for name in _STORED})
 
 
-def read_checkpoint(path: Path, start: NDArray[np.float64], count: int, C: float, seed: int) -> BlockState:
-    """Read the state of an interrupted run.
+_ARRAYS = ("shares", "losses", "change", "mean", "best_weights")
+_STORED = (*_ARRAYS, "best_objective", "steps", "sweep", "seconds")
+
+
+def read_checkpoint(path: Path, problem: str) -> BlockState:
+    """Read the state of an interrupted run on the same problem.
 
     Raises
     ------
     ValueError
-        When the file is no checkpoint, or one of another C, seed, number of examples or other start weights.
+        When the file is no checkpoint, or one of another problem.
     """
-    try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
-            content = {name: file[name] for name in file.files}
-        rows = content.pop("history").tolist()
-        same = np.array_equal(content.pop("start"), start) and content.pop("problem").tolist() == [C, float(seed)]
-        arrays = {name: content[name] for name in ("shares", "losses", "change", "mean", "best_weights")}
-        state = BlockState(
-            **arrays,
-            best_objective=float(content["best_objective"]),
-            steps=int(content["steps"]),
-            sweep=int(content["sweep"]),
-            seconds=float(content["seconds"]),
-            history=tuple(SvmProgress(int(r[0]), r[1], r[2], int(r[3]), r[4], r[5]) for r in rows),
-        )
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{path} is no checkpoint of the learning: {error}") from None
-    if not same or len(state.shares) != count:
-        raise ValueError(f"{path} is the checkpoint of a run with other settings or examples; remove it")
-    return state
+    history, content = load_state(path, problem, _STORED)
+    return BlockState(
+        **{name: content[name] for name in _ARRAYS},
+        best_objective=float(content["best_objective"]),
+        steps=int(content["steps"]),
+        sweep=int(content["sweep"]),
+        seconds=float(content["seconds"]),
+        history=history,
+    )

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.config import EstimatorConfig
-from ..core.energies import ExtraCosts, joint_features
+from ..core.energies import joint_features
 from ..core.joint import solve_joint
+from ..core.labels import N_LABELS
 from ..core.layout_search import RankedLayout
 from ..core.weights import N_FEATURES, SLICES, ModelWeights
 from .joint_examples import JointExample
-from .losses import JointLoss, augmented, joint_loss
+from .losses import JointLoss, augmented, joint_loss, label_overlap
 from .oracle import Separation
 
 
@@ -49,13 +50,28 @@ class JointOracle:
         return best
 
 
-def predict_loss(weights: ModelWeights, example: JointExample, config: EstimatorConfig) -> JointLoss:
-    """Return the losses of the model's own answer: least energy over the namings."""
-    best, answer = np.inf, JointLoss(1.0, 1.0)
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """How wrong the model's own answer is.
+
+    Attributes
+    ----------
+    loss : of the answer. overlap : (6, 6) share of the image with a true label (row) and the answer's (column).
+    """
+
+    loss: JointLoss
+    overlap: NDArray[np.float64]
+
+
+def judge(weights: ModelWeights, example: JointExample, config: EstimatorConfig) -> Judged:
+    """Return how wrong the model's own answer is: the one of least energy over the namings."""
+    best, answer = np.inf, Judged(JointLoss(1.0, 1.0), np.zeros((N_LABELS, N_LABELS)))
     for problem, costs in zip(example.problems, example.costs, strict=True):
         found = solve_joint(problem, weights, config, prove=False)
         if found.energy < best - 1e-3:
-            best, answer = found.energy, joint_loss(problem, costs, found.layout, found.labels)
+            best = found.energy
+            loss = joint_loss(problem, costs, found.layout, found.labels)
+            answer = Judged(loss, label_overlap(costs, found.labels))
     return answer
 
 
@@ -65,8 +81,3 @@ def active_features(blocks_off: tuple[str, ...]) -> NDArray[np.bool_]:
     for name in blocks_off:
         active[SLICES[name]] = False
     return active
-
-
-def scaled(costs: ExtraCosts, factor: float) -> ExtraCosts:
-    """Return the costs times a factor."""
-    return ExtraCosts(costs.face * factor, costs.label * factor)

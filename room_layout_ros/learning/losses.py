@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.energies import ExtraCosts, JointProblem
 from ..core.integral_geometry import face_counts
+from ..core.labels import N_LABELS
 from ..core.layout_search import Layout
 
 
@@ -49,3 +50,26 @@ def joint_loss(problem: JointProblem, costs: ExtraCosts, layout: Layout, labels:
 def augmented(costs: ExtraCosts) -> ExtraCosts:
     """Return the costs that make inference look for outputs of low energy and high loss."""
     return ExtraCosts(-costs.face, -costs.label)
+
+
+def label_overlap(costs: ExtraCosts, labels: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the (6, 6) share of the image by true label (row) and given label (column), from the losses as costs.
+
+    Parameters
+    ----------
+    costs : ExtraCosts
+        Of `joint_problem.loss_costs`: a label costs what of the superpixel is labelled otherwise.
+    labels : (K,) int64, 0..5.
+    """
+    labelled = costs.label.sum(axis=1, keepdims=True) / (N_LABELS - 1)
+    overlap = np.zeros((N_LABELS, N_LABELS))
+    np.add.at(overlap.T, labels, labelled - costs.label)
+    return overlap
+
+
+def mean_iou(overlap: NDArray[np.float64]) -> float:
+    """Return the mean intersection over union of the labels that occur, from summed overlaps; NaN when none does."""
+    hit = np.diagonal(overlap)
+    union = overlap.sum(axis=0) + overlap.sum(axis=1) - hit
+    occurs = union > 1e-12
+    return float((hit[occurs] / union[occurs]).mean()) if occurs.any() else float("nan")

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..parallel import Spread
+from .fingerprint import fingerprint
 
 Example = TypeVar("Example")
 ExampleIn = TypeVar("ExampleIn", contravariant=True)
@@ -52,6 +53,10 @@ class Separator(Protocol):
     def count(self) -> int:
         """Number of examples."""
 
+    @property
+    def fingerprint(self) -> str:
+        """What tells these examples and this oracle from others: a checkpoint belongs to one of them."""
+
     def separate(self, weights: NDArray[np.float64], indices: Sequence[int] | None = None) -> list[Separation]:
         """Return the separations of the examples with these indices (None: all)."""
 
@@ -68,6 +73,11 @@ class LocalSeparator(Generic[Example]):
         """Number of examples."""
         return len(self.examples)
 
+    @property
+    def fingerprint(self) -> str:
+        """Of the contents of the examples and the settings of the oracle."""
+        return fingerprint(self.oracle, *self.examples)
+
     def separate(self, weights: NDArray[np.float64], indices: Sequence[int] | None = None) -> list[Separation]:
         """Return the separations of the examples with these indices (None: all)."""
         chosen = range(self.count) if indices is None else indices
@@ -75,23 +85,35 @@ class LocalSeparator(Generic[Example]):
 
 
 @dataclass(frozen=True, slots=True)
-class SpreadSeparator:
-    """Examples that workers load themselves; only indices and weights travel out, feature vectors back.
+class SpreadSeparator(Generic[Example]):
+    """Examples that workers load themselves; only references and weights travel out, feature vectors back.
 
     Attributes
     ----------
-    answer : picklable `answer(weights, indices) -> list[Separation]` that loads and caches examples by index.
-    count : number of examples. spread : of `parallel.open_workers`.
+    answer : picklable `answer(weights, references) -> list[Separation]` that loads and caches the examples meant.
+    examples : a small picklable reference to each example. spread : of `parallel.open_workers`.
+    fingerprint : of what the references stand for and the oracle's settings.
     chunk : examples per item of work.
     """
 
-    answer: Callable[[NDArray[np.float64], Sequence[int]], list[Separation]]
-    count: int
+    answer: Callable[[NDArray[np.float64], Sequence[Example]], list[Separation]]
+    examples: Sequence[Example]
     spread: Spread
+    fingerprint: str
     chunk: int = 16
+
+    @property
+    def count(self) -> int:
+        """Number of examples."""
+        return len(self.examples)
 
     def separate(self, weights: NDArray[np.float64], indices: Sequence[int] | None = None) -> list[Separation]:
         """Return the separations of the examples with these indices (None: all)."""
-        chosen = list(range(self.count) if indices is None else indices)
-        chunks = [chosen[i : i + self.chunk] for i in range(0, len(chosen), self.chunk)]
-        return [one for answers in self.spread(partial(self.answer, weights), chunks) for one in answers]
+        chosen = [self.examples[i] for i in (range(self.count) if indices is None else indices)]
+        answers = self.spread(partial(self.answer, weights), chunks(chosen, self.chunk))
+        return [one for answer in answers for one in answer]
+
+
+def chunks(items: Sequence[Example], size: int) -> list[Sequence[Example]]:
+    """Cut a sequence into pieces of `size` items; the last may be shorter."""
+    return [items[i : i + size] for i in range(0, len(items), size)]

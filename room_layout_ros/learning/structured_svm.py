@@ -17,12 +17,14 @@ import os
 import time
 import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .fingerprint import fingerprint
 from .oracle import Separation, Separator
 
 _KEEP_UNUSED = 50
@@ -61,7 +63,8 @@ class SvmProgress:
 
     Attributes
     ----------
-    round : from 1. objective : primal value of the best weights so far. dual : lower bound of the objective.
+    round : from 1. objective : primal value of the best weights so far, inf where none was measured yet.
+    dual : lower bound of the objective.
     constraints : held. loss : mean loss of the most violated outputs. seconds : since the start.
     """
 
@@ -150,8 +153,9 @@ def learn_one_slack(
         raise ValueError("there is no example to learn from")
     start = np.asarray(start, np.float64)
     planes = CuttingPlanes.empty(start)
+    problem = "" if checkpoint is None else problem_key(separator, start, config.C)
     if checkpoint is not None and checkpoint.exists():
-        planes = read_checkpoint(checkpoint, start, config)
+        planes = read_checkpoint(checkpoint, problem)
     began = time.monotonic() - planes.seconds
     while True:
         alpha, dual = solve_dual(planes.differences, planes.losses - planes.differences @ start, config.C)
@@ -166,7 +170,12 @@ def learn_one_slack(
         planes = _with_round(planes, weights, objective, alpha, found, dual, time.monotonic() - began)
         progress(planes.history[-1])
         if checkpoint is not None:
-            write_checkpoint(checkpoint, planes, start, config)
+            write_checkpoint(checkpoint, planes, problem)
+
+
+def problem_key(separator: Separator, start: NDArray[np.float64], C: float, seed: int | None = None) -> str:
+    """Return the fingerprint of a problem: examples, oracle, centre of the regulariser, C and order of the examples."""
+    return fingerprint(separator.fingerprint, start, C, seed)
 
 
 def average(separations: list[Separation]) -> Separation:
@@ -248,47 +257,54 @@ def solve_dual(
     return C * share, value
 
 
-def write_checkpoint(path: Path, planes: CuttingPlanes, start: NDArray[np.float64], config: SvmConfig) -> None:
-    """Write the state; the file appears whole or not at all."""
-    history = [(r.round, r.objective, r.dual, r.constraints, r.loss, r.seconds) for r in planes.history]
-    rows = np.array(history, np.float64)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.npz")
-    np.savez(
-        partial,
-        differences=planes.differences,
-        losses=planes.losses,
-        unused=planes.unused,
-        best_weights=planes.best_weights,
-        best_objective=planes.best_objective,
-        history=rows.reshape(-1, 6),
-        start=start,
-        C=config.C,
-    )
-    partial.replace(path)
+def write_checkpoint(path: Path, planes: CuttingPlanes, problem: str) -> None:
+    """Write the state of a run on a problem (`problem_key`); the file appears whole or not at all."""
+    arrays = {name: getattr(planes, name) for name in _STORED}
+    save_state(path, problem, planes.history, arrays)
 
 
-def read_checkpoint(path: Path, start: NDArray[np.float64], config: SvmConfig) -> CuttingPlanes:
-    """Read the state of an interrupted run.
+_STORED = ("differences", "losses", "unused", "best_weights", "best_objective")
+
+
+def read_checkpoint(path: Path, problem: str) -> CuttingPlanes:
+    """Read the state of an interrupted run on the same problem.
 
     Raises
     ------
     ValueError
-        When the file is no checkpoint, or one of another C or other start weights.
+        When the file is no checkpoint, or one of another problem.
+    """
+    history, arrays = load_state(path, problem, _STORED)
+    objective = float(arrays.pop("best_objective"))
+    seconds = history[-1].seconds if history else 0.0
+    return CuttingPlanes(**arrays, best_objective=objective, round=len(history), seconds=seconds, history=history)
+
+
+def save_state(path: Path, problem: str, history: tuple[SvmProgress, ...], arrays: dict[str, Any]) -> None:
+    """Write a checkpoint of either algorithm; the file appears whole or not at all."""
+    rows = np.array([astuple(row) for row in history], np.float64).reshape(-1, len(fields(SvmProgress)))
+    partial = path.with_name(f".{path.name}.{os.getpid()}.npz")
+    np.savez(partial, problem=problem, history=rows, **arrays)
+    partial.replace(path)
+
+
+def load_state(
+    path: Path, problem: str, names: tuple[str, ...]
+) -> tuple[tuple[SvmProgress, ...], dict[str, NDArray[Any]]]:
+    """Return the history and the arrays with these names of a checkpoint.
+
+    Raises
+    ------
+    ValueError
+        When the file is no checkpoint, or one of another problem.
     """
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
-            content = {name: file[name] for name in file.files}
-        planes = CuttingPlanes(
-            differences=content["differences"],
-            losses=content["losses"],
-            unused=content["unused"],
-            best_weights=content["best_weights"],
-            best_objective=float(content["best_objective"]),
-        )
-        history = tuple(SvmProgress(int(r[0]), r[1], r[2], int(r[3]), r[4], r[5]) for r in content["history"].tolist())
-        same = float(content["C"]) == config.C and np.array_equal(content["start"], start)
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+            same = str(file["problem"]) == problem
+            arrays = {name: file[name] for name in names}
+            history = tuple(SvmProgress(int(r[0]), r[1], r[2], int(r[3]), r[4], r[5]) for r in file["history"].tolist())
+    except (OSError, KeyError, ValueError, IndexError, EOFError, zipfile.BadZipFile) as error:
         raise ValueError(f"{path} is no checkpoint of the learning: {error}") from None
     if not same:
-        raise ValueError(f"{path} is the checkpoint of a run with another C or other start weights; remove it")
-    return replace(planes, round=len(history), seconds=history[-1].seconds if history else 0.0, history=history)
+        raise ValueError(f"{path} is the checkpoint of a run with other examples or settings; remove it")
+    return history, arrays

@@ -18,11 +18,11 @@ from ..core.weights import VARIANTS, ModelWeights, start_weights
 from .context import ContextSettings, grow
 from .context_table import ContextTable
 from .frank_wolfe import learn_frank_wolfe
-from .joint_examples import FrameDescription, JointExample, build_example
-from .joint_oracle import JointOracle, active_features, predict_loss
-from .losses import JointLoss
-from .oracle import LocalSeparator, Separator
-from .structured_svm import SvmConfig, SvmProgress, SvmResult, learn_one_slack
+from .joint_examples import FrameDescription
+from .joint_oracle import JointOracle, Judged, active_features
+from .losses import JointLoss, mean_iou
+from .oracle import Separator
+from .structured_svm import SvmConfig, SvmProgress, SvmResult, learn_one_slack, problem_key
 
 MARGIN = 5
 """Frames whose numbers differ by this or less may show the same room (docs/data.md)."""
@@ -48,7 +48,30 @@ class TrainConfig:
     seed: int = 0
 
 
-def context_table(descriptions: Sequence[FrameDescription]) -> ContextTable:
+@dataclass(frozen=True, slots=True)
+class FrameRows:
+    """The rows of one frame in the table of the context classifier: all that the master holds of it.
+
+    Attributes
+    ----------
+    name : of the frame. features : (K, F) float32. feature_names : (F,).
+    labels : (K, 7) float32 pixels per label id. classes : (K, 41) float32 pixels per NYU40 id.
+    """
+
+    name: str
+    features: NDArray[np.float32]
+    feature_names: tuple[str, ...]
+    labels: NDArray[np.float32]
+    classes: NDArray[np.float32]
+
+
+def rows_of(description: FrameDescription) -> FrameRows:
+    """Return the rows of a frame."""
+    d = description
+    return FrameRows(d.name, d.features.values, d.features.names, d.label_counts(), d.class_counts())
+
+
+def context_table(frames: Sequence[FrameRows]) -> ContextTable:
     """Return features and truth of the superpixels of all frames, as the context classifier learns from them.
 
     Raises
@@ -56,19 +79,19 @@ def context_table(descriptions: Sequence[FrameDescription]) -> ContextTable:
     ValueError
         When there is no frame.
     """
-    if not descriptions:
+    if not frames:
         raise ValueError("no frame to learn from: none has a fitted room, classes and usable axes")
     structural = np.zeros(41, np.float32)
     structural[list(STRUCTURE_NYU40)] = 1.0
-    classes = np.concatenate([d.class_counts() for d in descriptions])
-    sizes = [d.superpixels.count for d in descriptions]
+    classes = np.concatenate([f.classes for f in frames])
+    sizes = [len(f.features) for f in frames]
     return ContextTable(
-        features=np.concatenate([d.features.values for d in descriptions]),
-        names=descriptions[0].features.names,
-        labels=np.concatenate([d.label_counts() for d in descriptions]),
+        features=np.concatenate([f.features for f in frames]),
+        names=frames[0].feature_names,
+        labels=np.concatenate([f.labels for f in frames]),
         structure=classes @ structural,
         classes=classes,
-        frame=np.repeat(np.array(frame_numbers([d.name for d in descriptions]), np.int64), sizes),
+        frame=np.repeat(np.array(frame_numbers([f.name for f in frames]), np.int64), sizes),
         variant=np.zeros(sum(sizes), np.int8),
     )
 
@@ -96,30 +119,22 @@ def folds_of(names: Sequence[str], folds: int) -> Iterator[tuple[list[int], list
 
 
 def out_of_fold_context(
-    descriptions: Sequence[FrameDescription], config: TrainConfig, progress: Callable[[str], object] = print
-) -> list[NDArray[np.float64]]:
-    """Return (K, 6) probabilities per frame, each by forests that saw neither it nor its neighbours."""
-    table = context_table(descriptions)
-    starts = np.cumsum([0] + [d.superpixels.count for d in descriptions])
-    result: list[NDArray[np.float64]] = [np.full((d.superpixels.count, N_LABELS), 1.0 / N_LABELS) for d in descriptions]
-    for number, (train, validate) in enumerate(folds_of([d.name for d in descriptions], config.folds), 1):
+    frames: Sequence[FrameRows], config: TrainConfig, progress: Callable[[str], object] = print
+) -> dict[str, NDArray[np.float64]]:
+    """Return (K, 6) probabilities by frame name, each by forests that saw neither it nor its neighbours."""
+    table = context_table(frames)
+    starts = np.cumsum([0] + [len(f.features) for f in frames])
+    result = {f.name: np.full((len(f.features), N_LABELS), 1.0 / N_LABELS) for f in frames}
+    for number, (train, validate) in enumerate(folds_of([f.name for f in frames], config.folds), 1):
         progress(f"context: fold {number} of {config.folds}")
         rows = np.zeros(len(table.frame), bool)
         for i in train:
             rows[starts[i] : starts[i + 1]] = True
         model = grow(table, rows, config.context)
         for i in validate:
-            features = SuperpixelFeatures(descriptions[i].features.values, table.names)
-            result[i] = compute_geometric_context(features, model)
+            features = SuperpixelFeatures(frames[i].features, table.names)
+            result[frames[i].name] = compute_geometric_context(features, model)
     return result
-
-
-def build_examples(
-    descriptions: Sequence[FrameDescription], contexts: Sequence[NDArray[np.float64]], config: EstimatorConfig
-) -> list[JointExample]:
-    """State every frame as a joint problem; those whose truth no naming of the axes can say are left out."""
-    built = (build_example(d, c, config) for d, c in zip(descriptions, contexts, strict=True))
-    return [example for example in built if example is not None]
 
 
 def learn_weights(
@@ -134,7 +149,7 @@ def learn_weights(
     Raises
     ------
     ValueError
-        When the algorithm is unknown or there is no example.
+        When the algorithm is unknown, there is no example, or the checkpoint is another problem's.
     """
     vector = (start or start_weights()).vector
     if config.algorithm == "one-slack":
@@ -144,22 +159,29 @@ def learn_weights(
     raise ValueError(f"algorithm is {config.algorithm!r}; allowed are one-slack, frank-wolfe")
 
 
-def local_separator(examples: Sequence[JointExample], estimator: EstimatorConfig) -> LocalSeparator[JointExample]:
-    """Return the oracle over examples in memory, with the blocks of the estimator's variant."""
+def checkpoint_name(separator: Separator, config: TrainConfig, start: ModelWeights) -> str:
+    """Return a file name that only the same problem has: another run neither resumes nor overwrites its checkpoint."""
+    problem = problem_key(separator, start.vector, config.svm.C, config.seed)
+    return f"{config.algorithm}-{problem[:16]}.npz"
+
+
+def joint_oracle(estimator: EstimatorConfig) -> JointOracle:
+    """Return the oracle for learning, with the blocks of the estimator's variant."""
     quick = replace(estimator, joint_starts=_ORACLE_STARTS, joint_alternations=_ORACLE_ALTERNATIONS)
     off = set(VARIANTS[estimator.joint_variant]) | (set() if estimator.use_depth else set(VARIANTS["rgb"]))
-    return LocalSeparator(JointOracle(quick, active_features(tuple(sorted(off)))), examples)
+    return JointOracle(quick, active_features(tuple(sorted(off))))
 
 
-def validate(weights: ModelWeights, examples: Sequence[JointExample], config: EstimatorConfig) -> dict[str, float]:
-    """Return mean losses in percent: layout, labelling, and what the truth itself would have (attainable)."""
-    losses = [predict_loss(weights, example, config) for example in examples]
+def summary(judged: Sequence[Judged], attainable: Sequence[JointLoss]) -> dict[str, float]:
+    """Return means in percent: layout and labelling loss, IoU of the six labels, what the truth itself would have."""
+    losses = [one.loss for one in judged]
     return {
-        "frames": len(examples),
+        "frames": len(judged),
         "layout": _percent(losses, "layout"),
         "labelling": _percent(losses, "labelling"),
-        "attainable_layout": _percent([e.attainable for e in examples], "layout"),
-        "attainable_labelling": _percent([e.attainable for e in examples], "labelling"),
+        "mean_iou": round(100.0 * mean_iou(np.sum([one.overlap for one in judged], axis=0)), 3),
+        "attainable_layout": _percent(attainable, "layout"),
+        "attainable_labelling": _percent(attainable, "labelling"),
     }
 
 
