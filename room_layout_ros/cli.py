@@ -24,7 +24,7 @@ COMMANDS = {
     "train": "learn the weights of the model",
     "calibrate": "calibrate the confidences on frames with known layouts",
     "evaluate": "measure against ground truth",
-    "bench": "measure the speed",
+    "bench": "measure the speed, on your frames or rendered ones",
     "dashboard": "a page that shows a live node or a bag",
 }
 """Every subcommand and its line in the help; the module is room_layout_ros.commands.NAME and holds
