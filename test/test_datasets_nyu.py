@@ -3,40 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from nyu_on_disk import write_nyu
 
 from room_layout_ros.datasets import DataError, good_samples, open_source
 from room_layout_ros.datasets.nyu import NYU_CAMERA, open_nyu
 
 h5py = pytest.importorskip("h5py", reason="h5py is not installed (extra datasets)")
 
-SIZE = (480, 640)
 
-
-def write_mat(path: Path, rng: np.random.Generator, labels40: bool = True) -> dict[str, Any]:
-    """Write H x W x 3 x N by columns, as MATLAB does."""
-    truth: dict[str, Any] = {
-        "images": rng.integers(0, 256, (2, *SIZE, 3)).astype(np.uint8),
-        "depths": rng.uniform(0.7, 9.9, (2, *SIZE)).astype(np.float32),
-        "labels40": rng.integers(0, 41, (2, *SIZE)).astype(np.uint16),
-    }
-    raw = truth["depths"].copy()
-    raw[:, :50] = 0
-    with h5py.File(path, "w") as file:
-        file["images"] = truth["images"].transpose(0, 3, 2, 1)
-        file["depths"] = truth["depths"].transpose(0, 2, 1)
-        file["rawDepths"] = raw.transpose(0, 2, 1)
-        file["labels"] = rng.integers(0, 895, (2, 640, 480)).astype(np.uint16)
-        if labels40:
-            file["labels40"] = truth["labels40"].transpose(0, 2, 1)
-    return truth
+def classes40(rng: np.random.Generator) -> np.ndarray:
+    return rng.integers(0, 41, (2, 480, 640)).astype(np.uint16)
 
 
 def test_frames_come_out_upright_and_named_from_one(tmp_path: Path, rng: np.random.Generator) -> None:
-    truth = write_mat(tmp_path / "nyu.mat", rng)
+    truth = write_nyu(tmp_path / "nyu.mat", rng, 2, labels40=classes40(rng))
     samples = list(good_samples(open_source(tmp_path / "nyu.mat")))
     assert [s.name for s in samples] == ["0001", "0002"]
     for i, sample in enumerate(samples):
@@ -48,7 +31,7 @@ def test_frames_come_out_upright_and_named_from_one(tmp_path: Path, rng: np.rand
 
 
 def test_raw_depth_keeps_its_holes(tmp_path: Path, rng: np.random.Generator) -> None:
-    write_mat(tmp_path / "nyu.mat", rng)
+    write_nyu(tmp_path / "nyu.mat", rng, 1)
     first = next(iter(good_samples(open_nyu(tmp_path / "nyu.mat", raw_depth=True))))
     assert first.frame.depth_m is not None
     assert np.isnan(first.frame.depth_m[:50]).all()
@@ -56,15 +39,42 @@ def test_raw_depth_keeps_its_holes(tmp_path: Path, rng: np.random.Generator) -> 
 
 
 def test_894_classes_are_not_passed_off_as_40(tmp_path: Path, rng: np.random.Generator) -> None:
-    write_mat(tmp_path / "nyu.mat", rng, labels40=False)
+    write_nyu(tmp_path / "nyu.mat", rng, 1)
     assert next(iter(good_samples(open_source(tmp_path / "nyu.mat")))).truth is None
+
+
+def test_894_classes_become_40_by_the_mapping_given(tmp_path: Path, rng: np.random.Generator) -> None:
+    truth = write_nyu(tmp_path / "nyu.mat", rng, 1, labels40=classes40(rng)[:1])
+    mapping = np.concatenate([[0], rng.integers(1, 41, 894)]).astype(np.uint8)
+    sample = next(iter(good_samples(open_nyu(tmp_path / "nyu.mat", class_map=mapping))))
+    assert sample.truth is not None
+    np.testing.assert_array_equal(sample.truth.labels40, mapping[truth["labels"][0]])
+
+
+def test_a_class_that_the_mapping_lacks_is_one_bad_frame(tmp_path: Path, rng: np.random.Generator) -> None:
+    labels = np.ones((2, 480, 640), np.uint16)
+    labels[1, 7, 7] = 12
+    write_nyu(tmp_path / "nyu.mat", rng, 2, labels=labels)
+    good, bad = open_nyu(tmp_path / "nyu.mat", class_map=np.ones(12, np.uint8))
+    assert good.name == "0001"
+    assert "labels holds 12; the mapping has classes 1 to 11" in getattr(bad, "error", "")
+
+
+def test_a_subset_yields_its_frames_in_its_order(tmp_path: Path, rng: np.random.Generator) -> None:
+    truth = write_nyu(tmp_path / "nyu.mat", rng, 3)
+    source = open_nyu(tmp_path / "nyu.mat").subset(("0003", "0001"))
+    samples = list(good_samples(source))
+    assert ([s.name for s in samples], source.length) == (["0003", "0001"], 2)
+    np.testing.assert_array_equal(samples[0].frame.color, truth["images"][2])
+    with pytest.raises(DataError, match="no frame '0002'"):
+        source.subset(("0002",))
 
 
 def test_other_files_are_refused_in_one_sentence(tmp_path: Path, rng: np.random.Generator) -> None:
     (tmp_path / "old.mat").write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
     with pytest.raises(DataError, match="no HDF5"):
         open_source(tmp_path / "old.mat")
-    write_mat(tmp_path / "cut.mat", rng)
+    write_nyu(tmp_path / "cut.mat", rng, 1)
     (tmp_path / "cut.mat").write_bytes((tmp_path / "cut.mat").read_bytes()[:5000])
     with pytest.raises(DataError, match="cut"):
         open_source(tmp_path / "cut.mat")
