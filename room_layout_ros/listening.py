@@ -25,28 +25,31 @@ def listen(name: str, listeners: Sequence[Listener], end: float) -> None:
     Raises
     ------
     DataError
-        When ROS or a message package is not installed, or a topic name is not allowed.
+        When ROS or a message package is not installed, or ROS refuses a topic or the domain.
     """
     try:
         import rclpy
-        from rclpy.exceptions import InvalidTopicNameException
         from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+        from .ros_process import BAD_SETTINGS, join, sentence
 
         kinds = [_message_class(listener.kind) for listener in listeners]
     except ImportError as error:
         what = error.name or "rclpy"
         raise DataError(f"listening needs ROS 2 ({what} is missing): pip install 'room_layout_ros[ros]'") from None
-    rclpy.init(args=[])
     try:
+        join([])
         node = rclpy.create_node(name)
         for listener, kind in zip(listeners, kinds, strict=True):
             node.create_subscription(kind, listener.topic, listener.take, listener.depth)
+    except BAD_SETTINGS as error:
+        rclpy.try_shutdown()
+        raise DataError(sentence(error)) from None
+    try:
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         while time.monotonic() < end and rclpy.ok():
             executor.spin_once(timeout_sec=0.1)
-    except InvalidTopicNameException as error:
-        raise DataError(" ".join(str(error).split())) from None
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:

@@ -154,7 +154,7 @@ def play(
     Raises
     ------
     DataError
-        When the stream is damaged, empty, or nobody subscribes in time.
+        When the stream is damaged or empty, nobody subscribes in time, or ROS refuses a topic or the domain.
     ModuleNotFoundError
         When there is no rclpy.
     """
@@ -162,16 +162,21 @@ def play(
     try:
         import rclpy
         from rclpy.signals import SignalHandlerOptions
+
+        from .ros_process import join
     except ImportError:
         raise ModuleNotFoundError(
             "playing needs ROS 2: pip install 'room_layout_ros[ros]', or /opt/ros", name="rclpy"
         ) from None
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     player = None
     try:
+        with _refusals():
+            join([], signal_handler_options=SignalHandlerOptions.NO)
         with _signals_interrupt():
-            player = _Player(rclpy.create_node("room_layout_player"), options, progress)
+            with _refusals():
+                node = rclpy.create_node("room_layout_player")
+            player = _Player(node, options, progress)
             try:
                 player.announce(read())
                 for loop in _loops(options.loops):
@@ -191,6 +196,17 @@ def _loops(count: int) -> Iterator[int]:
     while count == 0 or i < count:
         yield i
         i += 1
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """Turn what ROS refuses into a DataError."""
+    from .ros_process import BAD_SETTINGS, sentence
+
+    try:
+        yield
+    except BAD_SETTINGS as error:
+        raise DataError(sentence(error)) from None
 
 
 @contextmanager
@@ -254,7 +270,8 @@ class _Player:
                 print(f"left out {topic}: the message type {message.kind} is not installed", file=sys.stderr)
                 return None
             # Reliable: a bag is replayed to be received; sensor-data readers match it all the same.
-            self._publishers[topic] = self.node.create_publisher(kind, topic, _QUEUE_DEPTH)
+            with _refusals():
+                self._publishers[topic] = self.node.create_publisher(kind, topic, _QUEUE_DEPTH)
         return self._publishers.get(topic)
 
     def play_once(self, stream: Iterable[RawMessage], first: bool) -> None:

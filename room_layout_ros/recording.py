@@ -14,11 +14,11 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -27,8 +27,15 @@ from rclpy.utilities import try_shutdown
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from .ros_process import BAD_SETTINGS, join, sentence
+
 _DEPTH = 200
 _LOOK_PERIOD_S = 0.1
+_WAITING = 2000
+"""Messages that may wait for the disk: seconds of all that the node publishes, some 300 MB."""
+
+Message = tuple[str, str, int, bytes]
+"""Topic, type, time of arrival in ns, CDR."""
 
 
 class Recorder(Node):
@@ -44,7 +51,7 @@ class Recorder(Node):
     Raises
     ------
     ValueError
-        When the folder exists.
+        When the folder exists or a name is no topic.
     """
 
     def __init__(self, bag: Path, topics: Sequence[str], **options: Any) -> None:
@@ -55,14 +62,17 @@ class Recorder(Node):
         self.counts: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()
         self._missing = [self.resolve_topic_name(topic) for topic in topics]
-        self._messages: queue.SimpleQueue[tuple[str, str, int, bytes] | None] = queue.SimpleQueue()
-        self._writer = threading.Thread(target=_write, args=(bag, self._typestore, self._messages), name="writer")
+        self._messages: queue.Queue[Message | None] = queue.Queue(_WAITING)
+        self.failure = ""
+        """Why the bag cannot be written; "" while it can."""
+        self._writer = threading.Thread(target=self._write, args=(bag,), name="writer")
         self._writer.start()
         self.create_timer(_LOOK_PERIOD_S, self._look)
 
     def close(self) -> None:
         """Write what is left and finish the bag."""
-        self._messages.put(None)
+        if not self.failure:
+            self._messages.put(None)  # may wait for the disk; a writer that fails meanwhile makes room
         self._writer.join()
 
     def _look(self) -> None:
@@ -90,11 +100,24 @@ class Recorder(Node):
         self.create_subscription(_message_class(kind), topic, callback, qos, event_callbacks=events, raw=True)
 
     def _on_message(self, topic: str, kind: str, serialized: bytes) -> None:
-        self.counts[topic] += 1
-        self._messages.put((topic, kind, time.time_ns(), serialized))
+        try:
+            self._messages.put_nowait((topic, kind, time.time_ns(), serialized))
+        except queue.Full:  # the disk is too slow
+            self.lost[topic] += 1
+        else:
+            self.counts[topic] += 1
 
     def _on_lost(self, topic: str, info: Any) -> None:
         self.lost[topic] += info.total_count_change
+
+    def _write(self, bag: Path) -> None:
+        """Write until told to end, whatever happens: this is the guarded edge of the writer's thread."""
+        try:
+            _write(bag, self._typestore, self._messages)
+        except Exception as error:  # noqa: BLE001
+            self.failure = f"{bag} cannot be written: {getattr(error, 'strerror', None) or error}"
+            with suppress(queue.Empty):  # for one who waits to put the end in
+                self._messages.get_nowait()
 
 
 def _message_class(kind: str) -> type:
@@ -103,7 +126,7 @@ def _message_class(kind: str) -> type:
     return found
 
 
-def _write(bag: Path, typestore: Any, messages: queue.SimpleQueue[tuple[str, str, int, bytes] | None]) -> None:
+def _write(bag: Path, typestore: Any, messages: queue.Queue[Message | None]) -> None:
     connections: dict[str, Any] = {}
     with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         while (message := messages.get()) is not None:
@@ -114,20 +137,26 @@ def _write(bag: Path, typestore: Any, messages: queue.SimpleQueue[tuple[str, str
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Record until SIGINT or SIGTERM, or --seconds; prints {"topic": [messages, lost]} as JSON."""
+    """Record until SIGINT or SIGTERM, or --seconds; prints {"topic": [messages, lost]} as JSON.
+
+    Returns 0, or 2 after one sentence where a name, the domain or the folder is wrong or the disk is full.
+    """
     parser = argparse.ArgumentParser(prog="room_layout_ros.recording", description=__doc__)
     parser.add_argument("topics", nargs="+")
     parser.add_argument("--out", type=Path, required=True, metavar="BAG", help="folder to be made")
     parser.add_argument("--seconds", type=float, default=float("inf"))
     options = parser.parse_args(args)
     try:
-        rclpy.init(args=[])
         try:
+            join([])
             recorder = Recorder(options.out, options.topics)
-        except ValueError as error:
-            print(f"recording: {error}", file=sys.stderr)
+        except BAD_SETTINGS as error:
+            print(f"recording: {sentence(error)}", file=sys.stderr)
             return 2
         _spin(recorder, options.seconds)
+        if recorder.failure:
+            print(f"recording: {recorder.failure}", file=sys.stderr)
+            return 2
         print(json.dumps({t: [recorder.counts[t], recorder.lost[t]] for t in sorted(recorder.counts)}), flush=True)
     except KeyboardInterrupt:
         pass
@@ -141,7 +170,7 @@ def _spin(recorder: Recorder, seconds: float) -> None:
     executor.add_node(recorder)
     end = time.monotonic() + seconds
     try:
-        while recorder.context.ok() and time.monotonic() < end:
+        while recorder.context.ok() and not recorder.failure and time.monotonic() < end:
             executor.spin_once(timeout_sec=0.1)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

@@ -92,7 +92,7 @@ class Shell:
         self._unsubscribe()
 
     def cleanup(self) -> bool:
-        """Undo `configure`; return False if a thread is still inside a frame: it ends by itself and publishes nothing."""
+        """Undo `configure`; False if a thread is still inside a frame: it ends by itself and publishes nothing."""
         self.deactivate()
         for timer in self._timers:
             self._node.destroy_timer(timer)

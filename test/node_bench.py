@@ -27,8 +27,8 @@ from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.tracking import TemporalPrior
-from room_layout_ros.inputs import INPUT_TOPICS
 from room_layout_ros.estimator_node import EstimatorNode
+from room_layout_ros.inputs import INPUT_TOPICS
 from room_layout_ros.runtime.pairing import COLOR, DEPTH
 from room_layout_ros.runtime.session import CAMERA, CAMERAS
 

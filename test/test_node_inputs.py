@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import struct
-import sys
-import types
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +14,7 @@ from numpy.typing import NDArray
 pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
 
 from dds_player import camera_info
+from fake_tf import FakeBuffer, install
 from node_bench import Bench, running
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -174,31 +172,13 @@ def test_unregistered_depth_without_a_transform_is_refused_with_both_frames() ->
         bench.until(lambda: bench.labels_of(2))
 
 
-class FakeBuffer:
-    """Stands in for tf2_ros.Buffer, which is not on PyPI: knows the poses that a test gives it."""
-
-    poses: dict[tuple[str, str], tuple[float, ...]] = {}  # noqa: RUF012  shared on purpose
-
-    def lookup_transform(self, target: str, source: str, time: Any) -> Any:
-        x, y, z, qx, qy, qz, qw = self.poses[target, source]
-        transform = types.SimpleNamespace(
-            translation=types.SimpleNamespace(x=x, y=y, z=z), rotation=types.SimpleNamespace(x=qx, y=qy, z=qz, w=qw)
-        )
-        return types.SimpleNamespace(transform=transform)
-
-
 @pytest.fixture
-def tf(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[tuple[str, str], tuple[float, ...]]]:
-    module = types.ModuleType("tf2_ros")
-    module.__dict__.update(Buffer=FakeBuffer, TransformListener=lambda buffer, node: (buffer, node))
-    monkeypatch.setitem(sys.modules, "tf2_ros", module)
-    FakeBuffer.poses.clear()
-    yield FakeBuffer.poses
-    FakeBuffer.poses.clear()
+def tf(monkeypatch: pytest.MonkeyPatch) -> FakeBuffer:
+    return install(monkeypatch)
 
 
-def test_unregistered_depth_is_registered_by_tf(tf: dict[tuple[str, str], tuple[float, ...]]) -> None:
-    tf[FRAME_ID, DEPTH_FRAME] = tuple(float(v) for v in POSE.split())
+def test_unregistered_depth_is_registered_by_tf(tf: FakeBuffer) -> None:
+    tf.add(FRAME_ID, DEPTH_FRAME, POSE)
     with running(depth_registered=False) as bench:
         bench.connect()
         add_depth_camera(bench).publish(depth_info(0))
@@ -208,20 +188,53 @@ def test_unregistered_depth_is_registered_by_tf(tf: dict[tuple[str, str], tuple[
         np.testing.assert_array_equal(bench.estimators[0].frames[-1].depth_m, registered(0, POSE))
 
 
-def floor_source(bench: Bench) -> str:
+def said(bench: Bench, key: str) -> str:
     statuses = bench.heard["/diagnostics"][-1].status
-    return next(v.value for s in statuses if s.name.endswith(": estimates") for v in s.values if v.key == "floor")
+    return next(v.value for s in statuses if s.name.endswith(": estimates") for v in s.values if v.key == key)
 
 
-def test_gravity_comes_from_tf(tf: dict[tuple[str, str], tuple[float, ...]]) -> None:
+LEVEL = "0 0.3 0.1 0.5 -0.5 0.5 0.5"
+NODDING = "0 0.3 0.1 0.547419 -0.547419 0.447585 0.447585"
+"""The pose of the robot in the camera's frame: as LEVEL, the camera looking 0.2 rad down."""
+
+
+def test_gravity_comes_from_tf(tf: FakeBuffer) -> None:
     """A camera that looks ahead, level: the robot's z axis is the camera's -y."""
-    tf[FRAME_ID, "base_footprint"] = (0.0, 0.3, 0.1, 0.5, -0.5, 0.5, 0.5)
+    tf.add(FRAME_ID, "base_footprint", LEVEL)
     with running() as bench:
         bench.connect()
         bench.expect(0)
         prior = bench.estimators[0].priors[-1]
         np.testing.assert_allclose(prior.gravity, [0.0, 1.0, 0.0], atol=1e-9)
-        bench.until(lambda: floor_source(bench) == "tf")
+        bench.until(lambda: said(bench, "floor") == "tf")
+        assert said(bench, "transforms") == ""
+
+
+def test_gravity_is_that_of_the_frames_time_not_the_newest(tf: FakeBuffer) -> None:
+    """The camera nods between the frames: each gets the pose of its own time."""
+    tf.add(FRAME_ID, "base_footprint", LEVEL, stamp_ns(1))
+    tf.add(FRAME_ID, "base_footprint", NODDING, stamp_ns(2))
+    with running() as bench:
+        bench.connect()
+        for i in (1, 2):
+            bench.expect(i)
+        level, nodding = (prior.gravity for prior in bench.estimators[0].priors[-2:])
+        np.testing.assert_allclose(level, [0.0, 1.0, 0.0], atol=1e-9)
+        np.testing.assert_allclose(nodding, [0.0, np.cos(0.2), np.sin(0.2)], atol=1e-5)
+        bench.until(lambda: said(bench, "floor") == "tf")
+        assert said(bench, "transforms") == ""
+
+
+def test_the_newest_pose_is_used_and_told_where_tf_lags_behind_the_frame(tf: FakeBuffer) -> None:
+    tf.add(FRAME_ID, "base_footprint", LEVEL, stamp_ns(0))
+    tf.add(FRAME_ID, "base_footprint", NODDING, stamp_ns(1))
+    with running() as bench:
+        bench.connect()
+        bench.expect(4)
+        np.testing.assert_allclose(bench.estimators[0].priors[-1].gravity[2], np.sin(0.2), atol=1e-5)
+        bench.until(lambda: said(bench, "transforms"))
+        words = f"base_footprint to {FRAME_ID}: 2 times not known at the frame's time, the newest was used"
+        bench.until(lambda: said(bench, "transforms") == f"{words} (last 0.100 s older)")
 
 
 def test_without_tf_the_floor_decides() -> None:
@@ -229,7 +242,7 @@ def test_without_tf_the_floor_decides() -> None:
         bench.connect()
         bench.expect(0)
         assert bench.estimators[0].priors[-1] is None
-        bench.until(lambda: floor_source(bench).startswith("estimate (no transform between base_footprint"))
+        bench.until(lambda: said(bench, "floor").startswith("estimate (no transform between base_footprint"))
 
 
 @pytest.mark.parametrize("imu_to_camera", ("", "0 0 0 1 0 0 1"))
@@ -251,4 +264,4 @@ def test_gravity_comes_from_an_imu(imu_to_camera: str) -> None:
         np.testing.assert_allclose(
             bench.estimators[0].priors[-1].gravity, expected / np.linalg.norm(expected), atol=1e-6
         )
-        bench.until(lambda: floor_source(bench) == "imu")
+        bench.until(lambda: said(bench, "floor") == "imu")

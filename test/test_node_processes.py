@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import signal
 import subprocess
-import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +16,7 @@ import pytest
 pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
 pytest.importorskip("rosbags", reason="rosbags is not installed (pip: extra playback)")
 
+from processes import python, read_until, rest
 from room_frames import FRAME_ID, room_frame, stamp_ns
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
@@ -32,48 +30,6 @@ pytestmark = pytest.mark.dds
 HERE = Path(__file__).resolve().parent
 NODE = ("-m", "room_layout_ros.node", "--ros-args")
 FRAMES = 75
-
-
-def environment(repository: Path) -> dict[str, str]:
-    path = os.pathsep.join([str(repository), str(HERE)])
-    return {
-        **os.environ,
-        "PYTHONPATH": path,
-        "PYTHONUNBUFFERED": "1",
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(repository / "config" / "fastdds.xml"),
-    }
-
-
-@contextmanager
-def python(repository: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
-    """Start Python; kill it at the end if it is still there."""
-    process = subprocess.Popen(
-        [sys.executable, *arguments],
-        env=environment(repository), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=repository,
-    )  # fmt: skip
-    try:
-        yield process
-    finally:
-        if process.poll() is None:
-            process.kill()
-        process.wait(10)
-        if process.stdout:
-            process.stdout.close()
-
-
-def read_until(process: subprocess.Popen[str], pattern: str) -> str:
-    """Read lines until one matches. (The tests' own time limit is the node's: it says all this by itself.)"""
-    assert process.stdout is not None
-    seen = ""
-    for line in process.stdout:
-        seen += line
-        if re.search(pattern, line):
-            return seen
-    raise AssertionError(f"ended without {pattern!r}: {seen}")
-
-
-def rest(process: subprocess.Popen[str], seconds: float) -> str:
-    return process.communicate(timeout=seconds)[0]
 
 
 def remapped(namespace: str, *parameters: str) -> Sequence[str]:
@@ -186,6 +142,26 @@ def test_f39_a_signal_ends_it_in_two_seconds_with_exit_code_0(
         end_in_time(node, number)
 
 
+@pytest.mark.parametrize(
+    ("module", "number"),
+    (
+        ("numpy", signal.SIGINT),
+        ("numba", signal.SIGTERM),
+        ("rclpy", signal.SIGINT),
+        ("room_layout_ros.shell", signal.SIGTERM),
+    ),
+)
+def test_f39_a_signal_while_it_loads_ends_it_with_exit_code_0(
+    repository: Path, module: str, number: signal.Signals
+) -> None:
+    with python(repository, "-X", "importtime", *NODE) as node:
+        read_until(node, rf"\| +{module}\b")  # Python names a module, or a part of it, when it has loaded it
+        node.send_signal(number)
+        said = rest(node, 20)
+    assert node.returncode == 0, said
+    assert "Traceback" not in said
+
+
 def end_in_time(node: subprocess.Popen[str], number: signal.Signals) -> None:
     start = time.monotonic()
     node.send_signal(number)
@@ -228,14 +204,14 @@ def test_f33_a_missing_parameter_file_is_a_sentence_and_exit_code_2(repository: 
     assert "/nowhere/estimator.yaml" in said
 
 
+def test_f33_a_domain_that_is_none_is_a_sentence_and_exit_code_2(repository: Path) -> None:
+    with python(repository, *NODE, ROS_DOMAIN_ID="9999") as node:
+        said = rest(node, 30)
+    assert node.returncode == 2, said
+    assert said == "estimator: ROS_DOMAIN_ID is '9999'; it must be a whole number of 0 to 232\n"
+
+
 def test_the_shipped_parameter_file_starts_the_node(repository: Path) -> None:
     with python(repository, *NODE, "--params-file", str(repository / "config" / "estimator.yaml")) as node:
         read_until(node, "warm after")
         end_in_time(node, signal.SIGTERM)
-
-
-def test_the_recorder_does_not_overwrite(repository: Path, tmp_path: Path) -> None:
-    with python(repository, "-m", "room_layout_ros.recording", "--out", str(tmp_path), "/x") as recorder:
-        said = rest(recorder, 20)
-    assert recorder.returncode == 2
-    assert "exists" in said

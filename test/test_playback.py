@@ -81,9 +81,10 @@ def listener() -> Iterator[Listener]:
     listener.close()
 
 
-def start(*words: object) -> subprocess.Popen[str]:
+def start(*words: object, **variables: str) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "room_layout_ros.cli", "play", *map(str, words)]
-    return subprocess.Popen(command, cwd=REPOSITORY, stderr=subprocess.PIPE, text=True)
+    environment = {**os.environ, **variables}
+    return subprocess.Popen(command, cwd=REPOSITORY, env=environment, stderr=subprocess.PIPE, text=True)
 
 
 def stamp_of(message: Any) -> int:
@@ -150,6 +151,22 @@ def test_nobody_listening_is_said(bag: Path) -> None:
     assert process.returncode == 2
     assert "has not 1 subscribers" in told
     assert told.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "domain", "sentence"),
+    (
+        (("--remap", f"{COLOR_TOPIC}:=/bad topic"), "7", "topic name must not contain characters"),
+        ((), "9999", "ROS_DOMAIN_ID is '9999'; it must be a whole number of 0 to 232"),
+    ),
+    ids=("topic", "domain"),
+)
+def test_what_ros_refuses_is_a_sentence(bag: Path, words: tuple[str, ...], domain: str, sentence: str) -> None:
+    process = start(bag, *words, ROS_DOMAIN_ID=domain)
+    _, told = process.communicate(timeout=30)
+    assert process.returncode == 2, told
+    assert sentence in told
+    assert told.count("\n") == 1, told
 
 
 def test_the_shipped_transport_profile_is_used_unless_the_user_has_one(monkeypatch: pytest.MonkeyPatch) -> None:

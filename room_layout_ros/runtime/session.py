@@ -213,7 +213,7 @@ class EstimatorSession:
         """
         end = time.monotonic() + timeout_s
         worked = self._loop.close(timeout_s)
-        sent = self._outbox.close(max(_MOMENT_S, end - time.monotonic()))  # also when the worker is late: it ends a thread
+        sent = self._outbox.close(max(_MOMENT_S, end - time.monotonic()))  # also when the worker is late
         return worked and sent
 
     def _restart(self) -> None:
