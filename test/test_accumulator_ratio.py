@@ -1,4 +1,4 @@
-"""The ratio that the paper's section 3.5 is about, on a small image so that it ends in seconds."""
+"""The ratio that the paper's section 3.5 is about: CPU time in one run, so that other processes hardly matter."""
 
 from __future__ import annotations
 
@@ -7,10 +7,19 @@ import pytest
 from benchmarks import accumulators
 
 
-def test_accumulators_agree_and_ours_are_faster_by_more_than_the_papers_ratio(
+def test_accumulators_agree_and_inference_asks_a_thousand_times_faster_than_naively(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    figures = accumulators.run(rounds=1)  # raises where the three ways differ
-    assert figures["naive / ours"] > 750  # goal 1000, with 25 % slack for a loaded machine
-    assert figures["naive / Alg. 2"] > 5
-    assert "naive / ours" in capsys.readouterr().out
+    """Issue 3: 1000 for what inference needs, its counting included; measured were 1900 to 2000."""
+    figures = accumulators.run(rounds=1)  # raises where the ways differ
+    assert figures[accumulators.INFERENCE] > 1000
+    assert figures["naive / ours"] > 2500  # measured 5100 to 6800
+    assert figures[accumulators.FIVE] > 300  # measured 580 to 620
+    assert figures["naive / Alg. 2"] > 10  # measured 26; the paper: 22
+    assert accumulators.INFERENCE in capsys.readouterr().out
+
+
+def test_a_slower_inference_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The gate is on what inference does: counting every pixel instead of one in five fails it."""
+    monkeypatch.setattr(accumulators, "STEP", 1)
+    assert accumulators.run(rounds=1)[accumulators.INFERENCE] < 1000
