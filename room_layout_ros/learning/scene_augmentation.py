@@ -27,16 +27,19 @@ class Augmentation:
     aspect : largest factor between the zooms of the sides. tilt_deg : largest rotation.
     gain, tint, gamma : largest change of brightness, of a channel and of the exponent, as shares.
     grey : share of views without colour. noise : largest standard deviation, in 8-bit steps.
+    holes, hole : most patches blotted out of a view, and their largest side, as a share of the image.
     """
 
-    zoom: tuple[float, float] = (0.6, 1.25)
-    aspect: float = 1.25
-    tilt_deg: float = 5.0
+    zoom: tuple[float, float] = (0.55, 1.25)
+    aspect: float = 1.3
+    tilt_deg: float = 6.0
     gain: float = 0.35
     tint: float = 0.15
     gamma: float = 0.35
     grey: float = 0.05
     noise: float = 8.0
+    holes: int = 4
+    hole: float = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,5 +114,15 @@ def _relight(color: NDArray[np.uint8], settings: Augmentation, rng: np.random.Ge
     values *= gain * np.exp(rng.uniform(-settings.tint, settings.tint, 3)).astype(np.float32)
     if rng.random() < settings.grey:
         values[:] = values.mean(axis=2, keepdims=True)
+    for _ in range(int(rng.integers(settings.holes + 1))):
+        _blot(values, settings.hole, rng)
     values += rng.standard_normal(values.shape, np.float32) * (rng.uniform(0.0, settings.noise) / 255.0)
     return np.clip(values * 255.0, 0.0, 255.0).astype(np.uint8)
+
+
+def _blot(values: NDArray[np.float32], largest: float, rng: np.random.Generator) -> None:
+    """Paint a patch in one random colour: what is there must be told from what is around it."""
+    height, width = values.shape[:2]
+    rows, columns = (rng.uniform(0.05, largest, 2) * (height, width)).astype(int)
+    top, left = int(rng.integers(height - rows + 1)), int(rng.integers(width - columns + 1))
+    values[top : top + rows, left : left + columns] = rng.random(3)

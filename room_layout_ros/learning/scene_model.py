@@ -88,8 +88,9 @@ def _separable(channels: int, kernel: int) -> nn.Sequential:
 class SceneModel(nn.Module):
     """Scores per cell of `STRIDE` pixels: six labels, five faces of the empty room, `N_CLASSES` classes."""
 
-    def __init__(self, width: int = 64, dropout: float = 0.1) -> None:
+    def __init__(self, width: int = 64, dropout: float = 0.2) -> None:
         super().__init__()
+        self.frozen: list[nn.Module] = []
         self._conv_stem = _SameConv(3, 32, 3, 2, bias=False)
         self._bn0 = _norm(32)
         blocks = []
@@ -109,9 +110,23 @@ class SceneModel(nn.Module):
         self.layout = nn.Sequential(_separable(width, 5), nn.Conv2d(width, N_FACES, 1))
         self.classes = nn.Conv2d(width, N_CLASSES, 1)
 
+    def freeze(self, blocks: int) -> None:
+        """Leave the stem and so many blocks as they are, their statistics too."""
+        self.frozen = [self._conv_stem, self._bn0, *self._blocks[:blocks]] if blocks else []
+        for module in self.frozen:
+            module.requires_grad_(False)
+
+    def train(self, mode: bool = True) -> SceneModel:
+        """Switch between training and use; frozen parts are always in use."""
+        super().train(mode)
+        for module in self.frozen:
+            module.eval()
+        return self
+
     def backbone(self) -> list[nn.Parameter]:
-        """Return the parameters that come pretrained."""
-        return [*self._conv_stem.parameters(), *self._bn0.parameters(), *self._blocks.parameters()]
+        """Return the parameters that come pretrained and are trained on."""
+        modules = [self._conv_stem, self._bn0, *self._blocks]
+        return [p for module in modules for p in module.parameters() if p.requires_grad]
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         """(b, 3, INPUT_HEIGHT, INPUT_WIDTH) -> (b, N_LABELS + N_FACES + N_CLASSES, rows, columns) scores."""
