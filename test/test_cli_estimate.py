@@ -16,6 +16,7 @@ from frames_on_disk import make_samples
 from room_layout_ros.cli import main
 from room_layout_ros.commands import estimate as estimate_command
 from room_layout_ros.commands.estimate_frame import FrameJob, FrameResult, estimate_item
+from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import FACES, LABEL_NAMES
 from room_layout_ros.datasets import BadFrame, FrameSource, Sample, good_samples, open_source
@@ -84,10 +85,23 @@ def test_a_line_tells_what_the_estimator_told(walk: Path, result: Path) -> None:
     for told, polygon in zip(line["polygons"], estimate.polygons, strict=True):
         np.testing.assert_allclose(told["pixels"], polygon.pixels, atol=1e-3)
         np.testing.assert_allclose(told["points_m"], polygon.points_m, atol=1e-4)
+    proved = LayoutEstimator(EstimatorConfig(joint_bound=True)).estimate(sample.frame)
+    assert line["energy"] == pytest.approx(estimate.energy, abs=1e-6)
+    assert line["lower_bound"] == pytest.approx(proved.lower_bound, abs=1e-6)
+    assert line["gap"] == pytest.approx(line["energy"] - line["lower_bound"], abs=2e-6)
+    assert 0 <= line["gap"] < 1.0, "of the image"
     assert set(line["timings_ms"]) == set(estimate.timings_ms)
     assert all(0 <= line["face_confidence"][LABEL_NAMES[f]] <= 1 for f in FACES)
     layout = cv2.imread(str(result / "layout" / f"{sample.name}.png"), cv2.IMREAD_UNCHANGED)
     np.testing.assert_array_equal(layout, estimate.layout)
+
+
+def test_a_bound_that_is_not_computed_is_null(walk: Path, result: Path, tmp_path: Path) -> None:
+    assert main(["estimate", str(walk), "--out", str(tmp_path), "--set", "joint_bound=false"]) == 0
+    for line, proved in zip(lines_of(tmp_path), lines_of(result), strict=True):
+        assert (line["lower_bound"], line["gap"]) == (None, None)
+        assert line["energy"] == proved["energy"]
+    assert images_of(tmp_path) == images_of(result), "proving changes nothing"
 
 
 def test_two_processes_give_the_same_bytes(walk: Path, result: Path, tmp_path: Path) -> None:

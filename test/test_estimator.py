@@ -118,6 +118,19 @@ def test_the_same_frame_gives_the_same_bytes(estimator: LayoutEstimator, furnish
         assert (a.confidence, a.energy) == (b.confidence, b.energy)
 
 
+def test_the_gap_is_the_energy_above_a_bound_where_one_was_computed(
+    estimator: LayoutEstimator, furnished: list[Sample]
+) -> None:
+    frame = furnished[0].frame
+    proved = ask(LayoutEstimator(EstimatorConfig(joint_bound=True)), frame)
+    assert proved.lower_bound <= proved.energy
+    assert proved.gap == proved.energy - proved.lower_bound
+    unproved = ask(estimator, frame)
+    assert (unproved.lower_bound, unproved.gap) == (-np.inf, np.inf)
+    assert unproved.energy == proved.energy
+    assert np.isnan(ask(LayoutEstimator(EstimatorConfig(method="depth")), frame).gap)
+
+
 def test_the_input_is_left_as_it_was(estimator: LayoutEstimator, furnished: list[Sample]) -> None:
     frame = furnished[0].frame
     assert frame.color is not None

@@ -60,7 +60,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Estimate every frame of the input."""
     if arguments.jobs < 1:
         raise DataError(f"--jobs is {arguments.jobs}; it must be 1 or more")
-    job = FrameJob(parse_settings(arguments.set), arguments.rgb_only, arguments.overlay)
+    config = parse_settings(arguments.set, joint_bound=True)  # nobody waits for the frame: it may be proved, too
+    job = FrameJob(config, arguments.rgb_only, arguments.overlay)
     source = open_with_topics(arguments.input, arguments, arguments.recover)
     _make_folders(arguments.out, (*KINDS, "overlay") if arguments.overlay else KINDS)
     work, items, written = partial(estimate_item, job), ReadablePart(source), _Written(arguments.out)

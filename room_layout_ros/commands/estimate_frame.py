@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from room_layout_ros.core.config import EstimatorConfig, parameters
+from room_layout_ros.core.config import EstimatorConfig, Value, parameters
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
@@ -39,8 +39,14 @@ class FrameResult:
     files: Mapping[str, bytes] = field(default_factory=dict)
 
 
-def parse_settings(settings: Sequence[str]) -> EstimatorConfig:
+def parse_settings(settings: Sequence[str], **defaults: Value) -> EstimatorConfig:
     """Return the configuration with NAME=VALUE words applied.
+
+    Parameters
+    ----------
+    settings : words of the command line.
+    **defaults
+        Settings that the command has otherwise than the table; the words come before them.
 
     Raises
     ------
@@ -48,7 +54,7 @@ def parse_settings(settings: Sequence[str]) -> EstimatorConfig:
         When a name is unknown or a value not allowed.
     """
     table = {parameter.name: parameter for parameter in parameters()}
-    values: dict[str, Any] = {}
+    values: dict[str, Any] = dict(defaults)
     for setting in settings:
         name, equals, text = setting.partition("=")
         if not equals or name not in table:
@@ -136,6 +142,7 @@ def _line(name: str, estimate: RoomEstimate) -> dict[str, Any]:
         "polygons": [_polygon(p) for p in estimate.polygons],
         "energy": _number(estimate.energy),
         "lower_bound": _number(estimate.lower_bound),
+        "gap": _number(estimate.gap),
         "timings_ms": {stage: _number(t, 3) for stage, t in estimate.timings_ms.items()},
     }
 

@@ -43,7 +43,8 @@ class RoomEstimate:
     cuboid : the room, None without an estimate. polygons : visible faces.
     metric : False where the scale is unknown (no depth): then one unit is the distance of the front wall.
     signs : what the confidences were computed from, for calibration; None where the method has none.
-    energy, lower_bound : of the joint energy (NaN where the method has none).
+    energy, lower_bound : of the joint energy; NaN where the method has none. A bound of -inf was not computed (the
+        setting `joint_bound`, a deadline).
     timings_ms : wall time per stage.
     """
 
@@ -66,6 +67,11 @@ class RoomEstimate:
     frame_id: str = ""
     name: str = ""
     signs: Signs | None = None
+
+    @property
+    def gap(self) -> float:
+        """Energy above the lower bound: 0 proves the optimum, +inf or NaN says that no bound was computed."""
+        return self.energy - self.lower_bound
 
 
 def no_estimate(status: Status, frame: RgbdFrame, timings_ms: Mapping[str, float]) -> RoomEstimate:
