@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import base64
+import contextlib
+import csv
+import io
 import json
 import re
+import shutil
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -16,7 +24,8 @@ from room_layout_ros.datasets import FrameTruth, Sample, open_folder
 from room_layout_ros.datasets.images import write_image
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.datasets.writers import FolderWriter
-from room_layout_ros.evaluation import baselines, tables
+from room_layout_ros.evaluation import baselines, figures, tables
+from room_layout_ros.evaluation.c_curve import CCurve, CPoint, read_c_curve, update_c_curve
 from room_layout_ros.evaluation.calibration import face_reliability, frame_reliability
 from room_layout_ros.evaluation.prediction import Prediction
 from room_layout_ros.evaluation.scores import SetScore, run
@@ -89,30 +98,163 @@ def test_perfect_and_confident_predictions_are_calibrated_and_wrong_ones_are_not
 
 def test_table_and_summary_state_the_same_means() -> None:
     scores: list[SetScore] = [run("walls", baselines.percentile_walls, [room_sample("a"), room_sample("b", 1)])]
-    summary = json.loads(tables.summary_json(scores))["methods"]["walls"]
+    summary = json.loads(tables.summary_json(scores, {}))["methods"]["walls"]
     shown = re.search(r"walls\s+([\d.]+) \(", tables.text_table(scores))
     assert shown is not None
     assert float(shown[1]) == pytest.approx(100 * summary["layout_error"], abs=0.006)
     assert summary["layout_error"] == pytest.approx(float(np.mean(scores[0].layout_errors)), abs=1e-6)
 
 
-def test_evaluate_writes_numbers_and_a_page_with_every_frame(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert room_layout(["evaluate", str(folder), "--out", str(tmp_path / "out")]) == 0
-    printed = capsys.readouterr().out
-    assert "paper, RGB-D" in printed
-    assert "ours, RGB-D" in printed
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert summary["methods"]["ours, RGB-D"]["frames"] == N_FRAMES
-    assert summary["methods"]["ours, RGB-D"]["layout_error"] < 0.1  # noise-free rooms
-    page = (tmp_path / "out" / "report.html").read_text()
-    names = open_folder(folder).names
-    assert all(f"<b>{name}</b>" in page for name in names)
+@dataclass(frozen=True)
+class Run:
+    """What one run of evaluate on rendered rooms printed and wrote, with everything that it can show."""
+
+    printed: str
+    out: Path
+    curve: CCurve
+
+    @property
+    def methods(self) -> dict[str, Any]:
+        methods: dict[str, Any] = json.loads((self.out / "summary.json").read_text())["methods"]
+        return methods
+
+    @property
+    def page(self) -> str:
+        return (self.out / "report.html").read_text("utf-8")
+
+    def section(self, heading: str) -> str:
+        """Return the page from one heading to the next."""
+        parts = re.split(r"<h2>(.*?)</h2>", self.page)
+        return dict(zip(parts[1::2], parts[2::2], strict=True))[heading]
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    folder = tmp_path_factory.mktemp("rendered")
+    points = [CPoint(c, 8.0, 13.0, 77.0) for c in (100, 1000, 10000)]
+    update_c_curve(folder / "curve.json", "rgbd", points, "two folds")
+    update_c_curve(folder / "curve.json", "rgb", points[:2], "two folds")
+    printed = io.StringIO()
+    arguments = ["evaluate", "--rendered", str(N_FRAMES), "--noise", "clean", "--seed", "3"]
+    with contextlib.redirect_stdout(printed):
+        assert room_layout([*arguments, "--curve", str(folder / "curve.json"), "--out", str(folder / "out")]) == 0
+    return Run(printed.getvalue(), folder / "out", read_c_curve(folder / "curve.json"))
+
+
+def test_evaluate_prints_ours_beside_the_paper(rendered: Run) -> None:
+    assert "paper, RGB-D" in rendered.printed
+    assert "ours, RGB-D" in rendered.printed
+    assert rendered.methods["ours, RGB-D"]["frames"] == N_FRAMES
+    assert rendered.methods["ours, RGB-D"]["layout_error"] < 0.1  # noise-free rooms
+
+
+def test_the_page_shows_every_frame_and_needs_nothing_from_outside(rendered: Run) -> None:
+    page = rendered.page
+    assert all(f"<b>{i:06d}</b>" in page for i in range(N_FRAMES))
     assert page.count("data:image/jpeg;base64,") == N_FRAMES
-    assert not re.search(r"(src|href)='(?!data:)", page)  # everything is inside
-    rows = (tmp_path / "out" / "frames.csv").read_text().splitlines()
-    assert len(rows) == 1 + N_FRAMES * len(summary["methods"])
+    assert not re.search(r"(src|href)='(?!data:)", page)
+
+
+METHODS = 5
+TABLES = {
+    "Layout and labelling error (paper, Table 2)": METHODS + 5,
+    "Intersection over union per class (Table 4)": METHODS + 2,
+    "Furniture (Table 5)": 2,
+    "Superpixels (Table 3)": 7,
+    "The room in 3-D": METHODS - 1,  # the constant layout has no room
+}
+DRAWINGS = {
+    "How the errors are spread": 1,
+    "With and without depth (Figure 4 a)": 1,
+    "Robustness to C (Figure 4 b-d)": 1,
+    "Where pixels go": 1,
+    "Is its confidence honest?": 1,
+}
+EVERY_FRAME = "Every frame, worst layout first (Figure 5)"
+
+
+def test_the_page_has_the_papers_tables_and_figures_and_ours_and_no_other(rendered: Run) -> None:
+    assert set(re.findall(r"<h2>(.*?)</h2>", rendered.page)) == {*TABLES, *DRAWINGS, EVERY_FRAME}
+
+
+@pytest.mark.parametrize(("heading", "rows"), TABLES.items())
+def test_each_table_has_all_its_rows_and_ours_with_intervals(rendered: Run, heading: str, rows: int) -> None:
+    section = rendered.section(heading)
+    assert section.count("<tr") == 1 + rows
+    assert re.search(r"<td>[\d.]+ \([\d.]+-[\d.]+\)", section)
+
+
+@pytest.mark.parametrize(("heading", "count"), DRAWINGS.items())
+def test_each_figure_is_drawn(rendered: Run, heading: str, count: int) -> None:
+    assert rendered.section(heading).count("<svg") == count
+
+
+def test_the_figure_over_c_has_a_point_for_each_row_of_the_file(rendered: Run) -> None:
+    section = rendered.section("Robustness to C (Figure 4 b-d)")
+    for label in ("ours, RGB-D", "ours, RGB", "paper, RGB-D, C = 1000", "paper, RGB, C = 1000"):
+        assert f">{label}<" in section
+    one_less = replace(rendered.curve, rgbd=rendered.curve.rgbd[:-1])
+    whole, less = (figures.robustness_to_c(curve).count("<use ") for curve in (rendered.curve, one_less))
+    assert whole - less == 3  # a marker in each of the three drawings
+    assert "two folds" in section
+
+
+def test_a_row_of_figure_5_shows_evidence_depth_truth_and_estimate(rendered: Run) -> None:
+    section = rendered.section(EVERY_FRAME)
+    encoded = re.findall(r"base64,([^']+)'", section)
+    assert len(encoded) == N_FRAMES
+    pixels = np.frombuffer(base64.b64decode(encoded[0]), np.uint8)
+    height, width = np.asarray(cv2.imdecode(pixels, cv2.IMREAD_COLOR)).shape[:2]
+    # layout, two of evidence, depth, true and our labels, true and our furniture: two rows of four tiles
+    assert width > 4 * 280
+    assert height > 2 * 210
+
+
+def test_frames_are_listed_worst_first_on_the_page_and_in_the_csv(rendered: Run) -> None:
+    rows = list(csv.DictReader((rendered.out / "frames.csv").read_text().splitlines()))
+    assert len(rows) == METHODS * N_FRAMES
+    for title in rendered.methods:
+        own = [float(row["layout_error"]) for row in rows if row["method"] == title]
+        assert len(own) == N_FRAMES
+        assert own == sorted(own, reverse=True)
+    listed = re.findall(r"<b>(\d{6})</b>", rendered.section(EVERY_FRAME))
+    assert listed == [row["frame"] for row in rows if row["method"] == "ours, RGB-D"]
+
+
+def test_every_number_of_the_summary_has_an_interval_around_it(rendered: Run) -> None:
+    counts = {"frames", "frames_without_estimate", "milliseconds_median", "interval_95"}
+
+    def check(values: dict[str, Any], spans: dict[str, Any]) -> int:
+        assert set(values) - counts == set(spans)
+        checked = 0
+        for name, span in spans.items():
+            if isinstance(span, dict):
+                checked += check(values[name], span)
+            elif values[name] is None:
+                assert span == [None, None]
+            elif name not in ("frame_ece", "face_ece"):  # the error of a resampled calibration is biased upwards
+                assert span[0] <= values[name] <= span[1]
+                checked += 1
+        return checked
+
+    for scores in rendered.methods.values():
+        assert check(scores, scores["interval_95"]) >= 10
+    assert check(rendered.methods["ours, RGB-D"], rendered.methods["ours, RGB-D"]["interval_95"]) >= 18
+    segmentation = json.loads((rendered.out / "summary.json").read_text())["superpixels"]
+    assert len(segmentation) == 7
+    for row in segmentation.values():
+        assert check(row, row["interval_95"]) == 3
+
+
+def test_a_folder_without_classes_is_scored_by_its_layouts_alone(folder: Path, tmp_path: Path) -> None:
+    bare = tmp_path / "bare"
+    shutil.copytree(folder, bare, ignore=shutil.ignore_patterns("labels40"))
+    arguments = ["evaluate", str(bare), "--baseline", "percentile", "--rgb-only", "--out", str(tmp_path / "out")]
+    assert room_layout(arguments) == 0
+    scores = json.loads((tmp_path / "out" / "summary.json").read_text())["methods"]["walls at the 98th percentile"]
+    assert scores["layout_error"] < 0.2
+    assert scores["labelling_error"] is None
+    assert "Superpixels (Table 3)" not in (tmp_path / "out" / "report.html").read_text("utf-8")
 
 
 def test_true_layouts_given_as_estimates_score_zero(folder: Path, tmp_path: Path) -> None:
@@ -146,7 +288,15 @@ def test_a_subset_of_splits_json_is_what_is_scored(folder: Path, tmp_path: Path)
         (["{folder}", "--frames", "nonsense"], "first_two"),
         (["{folder}/missing"], "does not exist"),
         (["{folder}", "--estimates", "{folder}/rgb"], "no layout/"),
-        (["{folder}", "--curve", "{folder}/camera.yaml", "--frames", "first_two", "--out", "{tmp}"], "no curve"),
+        (["{folder}", "--curve", "{folder}/camera.yaml", "--out", "{tmp}"], "no curve"),
+        (["{folder}", "--curve", "{folder}/nowhere.json", "--out", "{tmp}"], "cannot be read"),
+        (["{folder}", "--layouts", "layouts.mat"], "NYU v2 .mat file only"),
+        (["{folder}", "--rendered", "3"], "either INPUT or --rendered"),
+        ([], "either INPUT or --rendered"),
+        (["--rendered", "0"], "frames is 0"),
+        (["--rendered", "2", "--seed", "-1"], "--seed is -1"),
+        (["--rendered", "2", "--frames", "first_two"], "needs a frames folder"),
+        (["{folder}", "--fits", "{folder}"], "fits.jsonl is missing"),
         (["{folder}", "--set", "superpixel_count=many"], "no int"),
     ),
 )

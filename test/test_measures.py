@@ -106,6 +106,17 @@ def test_bootstrap_interval_of_a_mean_agrees_with_the_normal_law() -> None:
     assert high == pytest.approx(values.mean() + half, abs=0.03)
 
 
+def test_bootstrap_of_several_figures_equals_that_of_each_and_absent_ones_have_none() -> None:
+    values = np.random.default_rng(1).normal(size=(30, 2))
+    low, high = measures.bootstrap_interval(
+        values, lambda v: np.append(v.mean(axis=0), np.nan), np.random.default_rng(2)
+    )
+    for k in range(2):
+        own = measures.bootstrap_interval(values[:, k], np.mean, np.random.default_rng(2))
+        np.testing.assert_allclose((low[k], high[k]), own)
+    assert np.isnan([low[2], high[2]]).all()
+
+
 def room(*distances: float, degrees: float = 0.0) -> RoomCuboid:
     return RoomCuboid(rotation_y(degrees), np.array(distances))
 
@@ -143,10 +154,32 @@ def test_axes_error_ignores_the_cubes_own_rotations(quarter_turns: int) -> None:
     assert geometry.axes_error_deg(np.eye(3), R) == pytest.approx(3.0)
 
 
-def test_room_iou_of_boxes_is_the_ratio_of_their_volumes() -> None:
-    assert geometry.room_iou(room(1, 1, 2, 3, 2), room(1, 1, 2, 3, 2)) == pytest.approx(1.0)
-    assert geometry.room_iou(room(1, 1, 2, 3, 2), room(1, 1, 2, 3, 4)) == pytest.approx(4 / 6)
-    assert geometry.room_iou(room(1, 1, 2, 3, 2), room(1, 1, 2, 3, np.inf), reach_m=6) == pytest.approx(4 / 8)
+def test_room_iou_of_a_front_wall_alone_is_the_cube_of_the_ratio_of_its_distances() -> None:
+    near, far = room(9, 9, 9, 2, 9), room(9, 9, 9, 3, 9)
+    assert geometry.room_iou(near, near, CAMERA) == pytest.approx(1.0)
+    assert geometry.room_iou(near, far, CAMERA) == pytest.approx((2 / 3) ** 3)
+    assert geometry.room_iou(far, room(*[np.inf] * 5), CAMERA, reach_m=6) == pytest.approx((3 / 6) ** 3)
+
+
+def test_room_iou_is_the_share_of_points_in_view_that_both_rooms_hold() -> None:
+    rng = np.random.default_rng(5)
+    truth, estimate = room(1, 1.2, 1.0, 3, 1.5, degrees=20), room(1.1, 1.2, 1.2, 2.7, 1.3, degrees=17)
+    found = geometry.room_iou(truth, estimate, CAMERA, reach_m=5)
+    # Points even in volume: even in the image, depth by the cube root.
+    z = 5 * np.cbrt(rng.random(400_000))
+    x = (rng.uniform(-0.5, 159.5, z.size) - CAMERA.cx) / CAMERA.fx
+    y = (rng.uniform(-0.5, 119.5, z.size) - CAMERA.cy) / CAMERA.fy
+    points = np.stack([x * z, y * z, z])
+    a, b = ((r.inverse_normals @ points <= 1).all(axis=0) for r in (truth, estimate))
+    assert found == pytest.approx((a & b).sum() / (a | b).sum(), abs=0.005)
+
+
+def test_room_iou_does_not_ask_which_wall_is_called_front_nor_for_walls_out_of_view() -> None:
+    truth, turned = room(1, 1, 9, 3, 1.5, degrees=30), room(1, 1, 3, 1.5, np.inf, degrees=-60)
+    np.testing.assert_allclose(
+        geometry.plane_errors(truth, turned, (0, 1, 2, 4, 5, 3, 6)).angle_deg[[3, 4]], 0, atol=1e-5
+    )
+    assert geometry.room_iou(truth, turned, CAMERA) == pytest.approx(1.0)
 
 
 def test_grid_iou_counts_cells() -> None:

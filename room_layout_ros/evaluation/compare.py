@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from time import perf_counter
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
-from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.core.freespace import compute_free_space
 from room_layout_ros.datasets import Sample
 from room_layout_ros.datasets.images import encode_image
 
 from . import pictures
+from .floor_truth import called_free
 from .prediction import Prediction
 from .scores import FrameScore, Method, score_frame
 from .stages import draw_stage, look_at
@@ -36,30 +39,54 @@ class EstimatorMethod:
     def __call__(self, sample: Sample) -> Prediction:
         """Estimate the frame by itself, without memory of others."""
         frame = sample.frame.without_depth() if self.rgb_only else sample.frame
-        estimate_frame = _estimator(self.config)
+        estimate_frame = _make(self.config).estimate
         if self not in _WARM:  # the first call of a process compiles or loads the kernels: no time of a frame
             estimate_frame(frame)
             _WARM.add(self)
         start = perf_counter()
         estimate = estimate_frame(frame)
-        return Prediction.of_estimate(estimate, 1e3 * (perf_counter() - start))
+        milliseconds = 1e3 * (perf_counter() - start)
+        return Prediction.of_estimate(estimate, milliseconds, self._free_floor(sample, estimate))
+
+    def _free_floor(self, sample: Sample, estimate: RoomEstimate) -> NDArray[np.bool_] | None:
+        """Return the cells called free where the sample knows the true ones and depth is used."""
+        if self.rgb_only or sample.truth is None or sample.truth.floor_map is None:
+            return None
+        geometry = compute_depth_geometry(sample.frame, self.config)
+        found = None if geometry is None else compute_free_space(geometry, estimate, self.config)
+        return called_free(found, sample.truth.floor_map)
+
+
+@dataclass(frozen=True, slots=True)
+class CompareJob:
+    """What to do with every frame.
+
+    Attributes
+    ----------
+    methods : by title; the picture shows the first one. superpixels : their settings for Table 3, None leaves it out.
+    picture : whether to draw.
+    """
+
+    methods: Mapping[str, Method]
+    superpixels: EstimatorConfig | None = None
+    picture: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class ComparedFrame:
-    """Scores by method title, a JPEG (truth and first method side by side), measures of superpixels (Table 3)."""
+    """Scores by method title, a JPEG (truth and first method side by side; or none), measures of superpixels."""
 
     name: str
     scores: Mapping[str, FrameScore]
-    picture: bytes
+    picture: bytes | None
     superpixels: Mapping[str, Row]
 
 
-def compare(methods: Mapping[str, Method], superpixels: EstimatorConfig | None, sample: Sample) -> ComparedFrame:
-    """Apply every method to a sample; the picture shows the first one; `superpixels` are measured with a config."""
+def compare(job: CompareJob, sample: Sample) -> ComparedFrame:
+    """Apply every method to a sample and score it."""
     scores: dict[str, FrameScore] = {}
     first: Prediction | None = None
-    for title, method in methods.items():
+    for title, method in job.methods.items():
         start = perf_counter()
         prediction = method(sample)
         if np.isnan(prediction.milliseconds):
@@ -67,13 +94,12 @@ def compare(methods: Mapping[str, Method], superpixels: EstimatorConfig | None, 
         first = first or prediction
         scores[title] = score_frame(sample, prediction)
     assert first is not None
-    evidence: list[tuple[str, pictures.Image]] = []
-    leading = next(iter(methods.values()))
-    if superpixels is not None and isinstance(leading, EstimatorMethod):
-        evidence = _evidence(leading, sample)
-    picture = _picture(sample, first, next(iter(scores.values())), evidence)
-    rows = segmentation_of(sample, superpixels) if superpixels else {}
-    return ComparedFrame(sample.name, scores, picture, rows)
+    rows = segmentation_of(sample, job.superpixels) if job.superpixels else {}
+    if not job.picture:
+        return ComparedFrame(sample.name, scores, None, rows)
+    leading = next(iter(job.methods.values()))
+    evidence = _evidence(leading, sample) if isinstance(leading, EstimatorMethod) else []
+    return ComparedFrame(sample.name, scores, _picture(sample, first, next(iter(scores.values())), evidence), rows)
 
 
 def _evidence(method: EstimatorMethod, sample: Sample) -> list[tuple[str, pictures.Image]]:
@@ -107,10 +133,6 @@ def _picture(
         row.append(("true furniture", pictures.paint_classes(image, truth.furniture)))
         row.append(("our furniture", pictures.paint_classes(image, prediction.furniture)))
     return encode_image(".jpg", pictures.tiles(row, 4, (280, 210)), jpeg_quality=82)
-
-
-def _estimator(config: EstimatorConfig) -> Callable[[RgbdFrame], RoomEstimate]:
-    return _make(config).estimate
 
 
 @lru_cache(maxsize=2)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from room_layout_ros.core.labels import CLUTTER, FACES, LABEL_NAMES, N_FACES
+from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.datasets import DataError, Sample
 from room_layout_ros.datasets.images import read_index
 
@@ -31,7 +32,7 @@ class FolderPredictions:
         Raises
         ------
         DataError
-            When one of its images is damaged or of another size than the frame's.
+            When one of its images is damaged or of another size than the frame's, or its room is none.
         """
         camera, line = sample.frame.camera, self.lines.get(sample.name, {})
         layout = self._image("layout", sample.name, N_FACES)
@@ -51,6 +52,8 @@ class FolderPredictions:
             layout=layout,
             labels=labels,
             furniture=furniture,
+            cuboid=_cuboid(line),
+            metric=bool(line.get("metric", True)),
             confidence=_number(line.get("confidence")),
             face_confidence=faces,
             status=str(line.get("status", "ok")).lower(),
@@ -60,6 +63,25 @@ class FolderPredictions:
     def _image(self, kind: str, name: str, highest: int) -> NDArray[np.uint8] | None:
         path = self.path / kind / f"{name}.png"
         return read_index(path, highest) if path.exists() else None
+
+
+def _cuboid(line: Mapping[str, Any]) -> RoomCuboid | None:
+    """Return the room of a line, None where it names no plane.
+
+    Raises
+    ------
+    DataError
+        When its axes or distances are none of a room.
+    """
+    by_face = line.get("plane_distances_m") or {}
+    if not any(by_face.get(LABEL_NAMES[face]) for face in FACES):
+        return None
+    try:
+        U, _, Vt = np.linalg.svd(np.array(line["axes"], np.float64))  # the digits of the file are rounded
+        found = [by_face.get(LABEL_NAMES[face]) for face in FACES]
+        return RoomCuboid(U @ Vt, np.array([np.inf if d is None else d for d in found], np.float64))
+    except (ValueError, KeyError, TypeError, np.linalg.LinAlgError) as error:
+        raise DataError(f"estimate {line['name']} has no room in axes and plane_distances_m: {error}") from None
 
 
 def _number(value: float | None) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
+from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import N_FACES
 from room_layout_ros.core.layout import FACE_AXIS, FACE_SIGN, RoomCuboid
 
@@ -95,11 +96,15 @@ def axes_error_deg(R_true: NDArray[np.float64], R: NDArray[np.float64]) -> float
     return float(np.degrees(np.arccos(np.clip((best - 1) / 2, -1, 1))))
 
 
-def room_iou(truth: RoomCuboid, estimate: RoomCuboid, reach_m: float = 10.0) -> float:
-    """Return the exact volume IoU of two rooms around one camera; faces out of view are taken at `reach_m`."""
-    a, b = _halfspaces(truth, reach_m), _halfspaces(estimate, reach_m)
-    both = _volume(np.vstack([a, b]))
-    return both / (_volume(a) + _volume(b) - both)
+def room_iou(truth: RoomCuboid, estimate: RoomCuboid, camera: CameraIntrinsics, reach_m: float = 10.0) -> float:
+    """Return the exact volume IoU of two rooms inside the camera's view, up to `reach_m` along the optical axis.
+
+    Nothing is known of what lies out of view, and which wall is called front has no say in what lies in it.
+    """
+    view = _view(camera, reach_m)
+    a, b = np.vstack([_halfspaces(truth), view]), np.vstack([_halfspaces(estimate), view])
+    both = _volume(np.vstack([a, b]), camera)
+    return both / (_volume(a, camera) + _volume(b, camera) - both)
 
 
 def grid_iou(truth: NDArray[np.bool_], estimate: NDArray[np.bool_]) -> float:
@@ -120,15 +125,33 @@ def _outward(room: RoomCuboid) -> NDArray[np.float64]:
     return np.asarray(FACE_SIGN[:, None] * room.R_room_camera[FACE_AXIS])
 
 
-def _halfspaces(room: RoomCuboid, reach_m: float) -> NDArray[np.float64]:
-    # The sixth side: the room goes on behind the camera; it is cut one metre behind it in both rooms.
-    normals = np.vstack([_outward(room), -room.R_room_camera[2]])
-    distances = np.append(np.minimum(room.distances, reach_m), 1.0)
-    return np.hstack([normals, -distances[:, None]])
+def _halfspaces(room: RoomCuboid) -> NDArray[np.float64]:
+    """Rows (n, -d) of the planes in view: inside is n . p <= d."""
+    seen = np.isfinite(room.distances)
+    return np.hstack([_outward(room)[seen], -room.distances[seen, None]])
 
 
-def _volume(halfspaces: NDArray[np.float64]) -> float:
-    corners = HalfspaceIntersection(halfspaces, np.zeros(3)).intersections
+def _view(camera: CameraIntrinsics, reach_m: float) -> NDArray[np.float64]:
+    left, right, top, bottom = _edges(camera)
+    return np.array(
+        [[-1, 0, left, 0], [1, 0, -right, 0], [0, -1, top, 0], [0, 1, -bottom, 0], [0, 0, 1, -reach_m]], np.float64
+    )
+
+
+def _edges(camera: CameraIntrinsics) -> tuple[float, float, float, float]:
+    """X/Z of the image's left and right edge, Y/Z of its top and bottom; pixel centres are at integers."""
+    x = (np.array([-0.5, camera.width - 0.5]) - camera.cx) / camera.fx
+    y = (np.array([-0.5, camera.height - 0.5]) - camera.cy) / camera.fy
+    return float(x[0]), float(x[1]), float(y[0]), float(y[1])
+
+
+def _volume(halfspaces: NDArray[np.float64], camera: CameraIntrinsics) -> float:
+    left, right, top, bottom = _edges(camera)
+    ahead = np.array([(left + right) / 2, (top + bottom) / 2, 1.0])
+    ahead /= np.linalg.norm(ahead)
+    # The camera is the apex of the view; nearer than every plane of the room, the middle ray is inside of all.
+    nearest = -halfspaces[halfspaces[:, 3] < 0, 3].max()
+    corners = HalfspaceIntersection(halfspaces, 0.5 * nearest * ahead).intersections
     return float(ConvexHull(corners).volume)
 
 

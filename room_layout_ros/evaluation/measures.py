@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,8 @@ from room_layout_ros.core.labels import FRONT_WALL, LABEL_NAMES, LEFT_WALL, N_LA
 
 WALLS = (LEFT_WALL, FRONT_WALL, RIGHT_WALL)
 N_IDS = len(LABEL_NAMES)
+
+N = TypeVar("N", np.float64, np.int64)
 
 Confusion = NDArray[np.int64]
 """(7, 7) pixel counts; rows are the true id, columns the estimated one. Row 0 (no truth) is always empty."""
@@ -183,20 +186,20 @@ def reliability(confidence: NDArray[np.float64], correct: NDArray[np.float64], b
 
 
 def bootstrap_interval(
-    per_frame: NDArray[np.float64] | NDArray[np.int64],
-    statistic: Callable[[NDArray[np.float64]], float],
+    per_frame: NDArray[N],
+    statistic: Callable[[NDArray[N]], float | NDArray[np.float64]],
     rng: np.random.Generator,
     level: float = 0.95,
     draws: int = 1000,
-) -> tuple[float, float]:
-    """Return the percentile bootstrap interval of a statistic of the set.
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the ends of the percentile bootstrap interval of a statistic of the set, in the statistic's shape.
 
     Parameters
     ----------
     per_frame : (n, ...) array
         One entry a frame (an error, a confusion matrix); frames are drawn with replacement.
     statistic : callable
-        Maps (n, ...) to a number.
+        Maps (n, ...) to a number, or to several at once; draws in which it is NaN are left out.
     rng : numpy.random.Generator
         Source of the draws.
 
@@ -208,9 +211,13 @@ def bootstrap_interval(
     if not len(per_frame):
         raise ValueError("a bootstrap of 0 frames was asked for; at least one is needed")
     picks = rng.integers(0, len(per_frame), size=(draws, len(per_frame)))
-    values = [statistic(per_frame[pick]) for pick in picks]
-    low, high = np.nanquantile(values, [(1 - level) / 2, (1 + level) / 2])
-    return float(low), float(high)
+    values = np.array([statistic(per_frame[pick]) for pick in picks], np.float64)
+    columns = values.reshape(draws, -1)
+    ends = np.full((2, columns.shape[1]), np.nan)
+    known = np.isfinite(columns).any(axis=0)
+    ends[:, known] = np.nanquantile(columns[:, known], [(1 - level) / 2, (1 + level) / 2], axis=0)
+    low, high = ends.reshape(2, *values.shape[1:])
+    return np.asarray(low), np.asarray(high)
 
 
 def _check_same_shape(name: str, a: NDArray[np.generic], other: str, b: NDArray[np.generic]) -> None:

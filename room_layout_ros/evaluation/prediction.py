@@ -16,13 +16,16 @@ from room_layout_ros.core.layout import RoomCuboid
 class Prediction:
     """Attributes as in `RoomEstimate`; None or NaN where the method does not say.
 
-    `status` is "ok" or what the method said instead; `milliseconds` is its time for the frame.
+    `metric` is False where the cuboid's scale is unknown; `free_floor` are the cells called free, on those of the
+    sample's floor map. `status` is "ok" or what the method said instead; `milliseconds` is its time for the frame.
     """
 
     layout: NDArray[np.uint8]
     labels: NDArray[np.uint8]
     furniture: NDArray[np.uint8] | None = None
     cuboid: RoomCuboid | None = None
+    metric: bool = True
+    free_floor: NDArray[np.bool_] | None = None
     confidence: float = float("nan")
     face_confidence: NDArray[np.float64] = field(default_factory=lambda: np.full(5, np.nan))
     status: str = "ok"
@@ -35,13 +38,20 @@ class Prediction:
         return cls(layout=empty, labels=empty, status=status)
 
     @classmethod
-    def of_estimate(cls, estimate: RoomEstimate, milliseconds: float = float("nan")) -> Prediction:
+    def of_estimate(
+        cls,
+        estimate: RoomEstimate,
+        milliseconds: float = float("nan"),
+        free_floor: NDArray[np.bool_] | None = None,
+    ) -> Prediction:
         """Take over the estimator's result."""
         return cls(
             layout=estimate.layout,
             labels=estimate.labels,
             furniture=estimate.furniture,
             cuboid=estimate.cuboid,
+            metric=estimate.metric,
+            free_floor=free_floor,
             confidence=estimate.confidence,
             face_confidence=estimate.face_confidence,
             status=estimate.status.value,

@@ -1,7 +1,7 @@
 """Numbers that others published, for the columns beside ours. Percent, but for the variation of information.
 
-Zhang, Kan, Schwing, Urtasun, ICCV 2013 ("the paper"): 101 test images of 303 of NYU v2. Its split and all its
-layouts but 37 are not public; so its numbers and ours are of the same kind of image, not of the same images.
+Zhang, Kan, Schwing, Urtasun, ICCV 2013 ("the paper"): 101 test images of 303 of NYU v2. Unless `evaluate` is given
+its layouts and its list of test images, its numbers and ours are of the same kind of image, not of the same images.
 """
 
 from __future__ import annotations

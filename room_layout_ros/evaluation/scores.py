@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from room_layout_ros.core.labels import FURNITURE_NYU40
+from room_layout_ros.core.labels import FURNITURE_NYU40, LABEL_NAMES
 from room_layout_ros.datasets import Sample
 
-from . import measures
+from . import calibration, measures
 from .geometry import corner_error
 from .prediction import Prediction
+from .room_scores import RoomScore, score_room
 
 Method = Callable[[Sample], Prediction]
 FURNITURE_IDS = tuple(FURNITURE_NYU40)
 N_FURNITURE = len(FURNITURE_IDS)
+LABELS = LABEL_NAMES[1:]
+BOOTSTRAP_SEED = 2013
+"""The same draws of frames for every method and figure."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,20 +32,50 @@ class FrameScore:
 
     Attributes
     ----------
-    corner_error : in image diagonals. furniture : (6, 2) int64 pixels of (intersection, union) per class.
+    corner_error : in image diagonals. room : in metres and degrees.
+    furniture : (6, 2) int64 pixels of (intersection, union) per class.
     """
 
     name: str
     status: str
     pixels: measures.PixelScore
     corner_error: float
+    room: RoomScore
     furniture: NDArray[np.int64]
     confidence: float
     face_confidence: NDArray[np.float64]
     milliseconds: float
 
 
+PER_FRAME: Mapping[str, Callable[[FrameScore], float]] = {
+    "layout_error": lambda frame: frame.pixels.layout_error,
+    "layout_error_fixed_names": lambda frame: frame.pixels.layout_error_fixed,
+    "labelling_error": lambda frame: frame.pixels.labelling_error,
+    "labelling_error_fixed_names": lambda frame: frame.pixels.labelling_error_fixed,
+    "corner_error": lambda frame: frame.corner_error,
+    "plane_offset_m": lambda frame: frame.room.plane_offset_m,
+    "plane_angle_deg": lambda frame: frame.room.plane_angle_deg,
+    "planes_found": lambda frame: frame.room.planes_found,
+    "axes_error_deg": lambda frame: frame.room.axes_error_deg,
+    "room_iou": lambda frame: frame.room.room_iou,
+    "free_space_iou": lambda frame: frame.room.free_space_iou,
+}
+"""What a frame has one number of; the figure of a set is its mean over the frames that have it."""
+
+ROOM_FIGURES = tuple(PER_FRAME)[5:]
+"""Those in three dimensions."""
+
+
 @dataclass(frozen=True, slots=True)
+class Figure:
+    """A number of the set with the ends of its 95 % bootstrap interval over the frames; all NaN where there is none."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
 class SetScore:
     """All frames of one method, and the numbers of the set. Errors and IoU are shares, 0..1."""
 
@@ -52,25 +87,19 @@ class SetScore:
         """Frames for which the method had no answer; they count as wrong in every pixel."""
         return sum(frame.status != "ok" for frame in self.frames)
 
+    def per_frame(self, name: str) -> NDArray[np.float64]:
+        """Return (n,) one of `PER_FRAME`."""
+        return np.array([PER_FRAME[name](frame) for frame in self.frames], np.float64)
+
     @property
     def layout_errors(self) -> NDArray[np.float64]:
         """(n,) wall names permuted to the best fit."""
-        return np.array([frame.pixels.layout_error for frame in self.frames])
-
-    @property
-    def layout_errors_fixed(self) -> NDArray[np.float64]:
-        """(n,) wall names as they are."""
-        return np.array([frame.pixels.layout_error_fixed for frame in self.frames])
+        return self.per_frame("layout_error")
 
     @property
     def labelling_errors(self) -> NDArray[np.float64]:
         """(n,) walls permuted as the layout's."""
-        return np.array([frame.pixels.labelling_error for frame in self.frames])
-
-    @property
-    def corner_errors(self) -> NDArray[np.float64]:
-        """(n,) in image diagonals."""
-        return np.array([frame.corner_error for frame in self.frames])
+        return self.per_frame("labelling_error")
 
     @property
     def confusions(self) -> NDArray[np.int64]:
@@ -78,28 +107,25 @@ class SetScore:
         return np.array([frame.pixels.labels_confusion for frame in self.frames])
 
     @property
-    def iou(self) -> NDArray[np.float64]:
-        """(6,) per label, summed over the set."""
-        return measures.iou_per_class(self.confusions.sum(axis=0))
+    def milliseconds(self) -> float:
+        """Median over the frames that have a time."""
+        known = [f.milliseconds for f in self.frames if np.isfinite(f.milliseconds)]
+        return float(np.median(known)) if known else float("nan")
 
-    @property
-    def mean_iou(self) -> float:
-        """Mean of `iou`."""
-        return measures.mean_iou(self.confusions.sum(axis=0))
+    @cached_property
+    def figures(self) -> Mapping[str, Figure]:
+        """Every number of the set by name.
 
-    @property
-    def furniture_iou(self) -> NDArray[np.float64]:
-        """(6,) per furniture class, summed over the set; NaN for classes that never occur."""
-        both, either = np.sum([frame.furniture for frame in self.frames], axis=0).T
-        return np.asarray(np.divide(both, either, out=np.full(N_FURNITURE, np.nan), where=either > 0))
-
-    def intervals(self, rng: np.random.Generator) -> dict[str, tuple[float, float]]:
-        """Return the 95 % bootstrap intervals over the frames: layout, labelling, iou."""
-        return {
-            "layout": measures.bootstrap_interval(self.layout_errors, _mean, rng),
-            "labelling": measures.bootstrap_interval(self.labelling_errors, _mean, rng),
-            "iou": measures.bootstrap_interval(self.confusions, lambda c: measures.mean_iou(c.sum(axis=0)), rng),
-        }
+        `PER_FRAME`; mean_iou and iou.LABEL as PASCAL; mean_furniture_iou and furniture_iou.NYU40 likewise;
+        frame_ece and face_ece, the calibration errors.
+        """
+        found = {name: mean_figure(self.per_frame(name)) for name in PER_FRAME}
+        found |= _figures(self.confusions, _ious, ("mean_iou", *(f"iou.{label}" for label in LABELS)))
+        furniture = np.array([frame.furniture for frame in self.frames])
+        names = ("mean_furniture_iou", *(f"furniture_iou.{k}" for k in FURNITURE_IDS))
+        found |= _figures(furniture, _furniture_ious, names)
+        found |= _figures(calibration.frame_pairs(self), calibration.calibration_error, ("frame_ece",))
+        return found | _figures(calibration.face_pairs(self), calibration.calibration_error, ("face_ece",))
 
 
 def score_frame(sample: Sample, prediction: Prediction) -> FrameScore:
@@ -113,11 +139,13 @@ def score_frame(sample: Sample, prediction: Prediction) -> FrameScore:
     truth = sample.truth
     if truth is None or truth.layout is None:
         raise ValueError(f"frame {sample.name} has no true layout; only frames with layout/NAME.png can be scored")
+    pixels = measures.score_pixels(truth.layout, prediction.layout, truth.labels, prediction.labels)
     return FrameScore(
         name=sample.name,
         status=prediction.status,
-        pixels=measures.score_pixels(truth.layout, prediction.layout, truth.labels, prediction.labels),
+        pixels=pixels,
         corner_error=corner_error(truth.layout, prediction.layout),
+        room=score_room(sample, prediction, pixels.wall_names),
         furniture=_furniture(truth.furniture, truth.labels40, prediction.furniture),
         confidence=prediction.confidence,
         face_confidence=prediction.face_confidence,
@@ -150,5 +178,28 @@ def _furniture(
     return counts
 
 
-def _mean(values: NDArray[np.float64]) -> float:
-    return float(np.nanmean(values))
+def mean_figure(values: NDArray[np.float64]) -> Figure:
+    """Return the mean of (n,) values of frames; those that are NaN are left out."""
+    known = values[np.isfinite(values)]
+    return _figures(known, lambda v: float(v.mean()), ("mean",))["mean"] if len(known) else Figure(*3 * [np.nan])
+
+
+def _figures(
+    per_frame: NDArray[measures.N],
+    statistic: Callable[[NDArray[measures.N]], float | NDArray[np.float64]],
+    names: tuple[str, ...],
+) -> dict[str, Figure]:
+    low, high = measures.bootstrap_interval(per_frame, statistic, np.random.default_rng(BOOTSTRAP_SEED))
+    rows = zip(names, np.ravel(statistic(per_frame)), low.ravel(), high.ravel(), strict=True)
+    return {name: Figure(float(value), float(a), float(b)) for name, value, a, b in rows}
+
+
+def _ious(confusions: NDArray[np.int64]) -> NDArray[np.float64]:
+    counts = confusions.sum(axis=0)
+    return np.append(measures.mean_iou(counts), measures.iou_per_class(counts))
+
+
+def _furniture_ious(furniture: NDArray[np.int64]) -> NDArray[np.float64]:
+    both, either = furniture.sum(axis=0).T.astype(np.float64)
+    values = np.divide(both, either, out=np.full(N_FURNITURE, np.nan), where=either > 0)
+    return np.append(np.nanmean(values) if np.isfinite(values).any() else np.nan, values)

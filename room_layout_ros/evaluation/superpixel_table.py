@@ -1,4 +1,4 @@
-"""The paper's Table 3: superpixels by the weights of colour and depth gradient, against the semantic classes."""
+"""The paper's Table 3: superpixels by the weights of colour and depth gradient, against the true labels."""
 
 from __future__ import annotations
 
@@ -13,19 +13,24 @@ from room_layout_ros.core.superpixels import compute_superpixels
 from room_layout_ros.datasets import Sample
 
 from .published import TABLE_3
+from .scores import Figure, mean_figure
 from .segmentation import segmentation_scores
 
 Row = tuple[float, float, float]
-"""ME %, covering %, variation of information."""
+"""Mean error, covering (shares, 0..1) and variation of information in nats, as `MEASURES`."""
+
+MEASURES = ("mean_error", "covering", "variation_of_information")
 
 
 def segmentation_of(sample: Sample, config: EstimatorConfig) -> dict[str, Row]:
     """Return the measures of one frame at our settings and at the paper's ratios of the weights.
 
-    The weights here scale terms that are normalised by their noise, so the paper's (lambda_a, lambda_d) are
-    taken as factors on ours: its "1, 1" is our default.
+    The truth is the six labels of the task, unlabelled pixels are ignored. The weights here scale terms that are
+    normalised by their noise, so the paper's (lambda_a, lambda_d) are taken as factors on ours: its "1, 1" is our
+    default. A frame without labels has no measures.
     """
-    if sample.truth is None or sample.truth.labels40 is None or not sample.truth.labels40.any():
+    truth = None if sample.truth is None else sample.truth.labels
+    if truth is None or not truth.any():
         return {}
     geometry = compute_depth_geometry(sample.frame, config)
     depth = None if geometry is None else geometry.inverse_depth
@@ -37,10 +42,10 @@ def segmentation_of(sample: Sample, config: EstimatorConfig) -> dict[str, Row]:
             superpixel_lambda_depth=min(100.0, config.superpixel_lambda_depth * factor_depth),
         )
         found = compute_superpixels(sample.frame.color, depth, settings)
-        scores = segmentation_scores(found.index, sample.truth.labels40)
+        scores = segmentation_scores(found.index, truth)
         rows[row_name(factor_color, factor_depth)] = (
-            100 * scores.mean_error,
-            100 * scores.covering,
+            scores.mean_error,
+            scores.covering,
             scores.variation_of_information,
         )
     return rows
@@ -51,10 +56,11 @@ def row_name(factor_color: float, factor_depth: float) -> str:
     return f"{factor_color:g}, {factor_depth:g}"
 
 
-def mean_rows(frames: Iterable[Mapping[str, Row]]) -> dict[str, Row]:
-    """Return the mean over the frames of each row."""
+def superpixel_figures(frames: Iterable[Mapping[str, Row]]) -> dict[str, dict[str, Figure]]:
+    """Return the means over the frames of each row by measure, with their intervals; empty where no frame has any."""
     frames = [rows for rows in frames if rows]
-    if not frames:
-        return {}
-    means = {name: np.mean([rows[name] for rows in frames], axis=0) for name in frames[0]}
-    return {name: (float(m[0]), float(m[1]), float(m[2])) for name, m in means.items()}
+    found: dict[str, dict[str, Figure]] = {}
+    for name in frames[0] if frames else ():
+        values = np.array([rows[name] for rows in frames])
+        found[name] = {measure: mean_figure(values[:, k]) for k, measure in enumerate(MEASURES)}
+    return found

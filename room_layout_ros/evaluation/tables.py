@@ -5,22 +5,32 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from room_layout_ros.core.labels import LABEL_NAMES
-
 from .published import TABLE_2
-from .scores import FURNITURE_IDS, SetScore
+from .scores import FURNITURE_IDS, LABELS, PER_FRAME, ROOM_FIGURES, Figure, FrameScore, SetScore
 
-BOOTSTRAP_SEED = 2013
-LABELS = LABEL_NAMES[1:]
+GROUPS = {"iou": LABELS, "furniture_iou": tuple(map(str, FURNITURE_IDS))}
+"""Figures by class, and the names of the classes in summary.json."""
+
+SINGLE = (*PER_FRAME, "mean_iou", "mean_furniture_iou", "frame_ece", "face_ece")
+
+ROOM_COLUMNS = {
+    "planes_found": ("planes found %", 100.0, 1),
+    "plane_offset_m": ("offset cm", 100.0, 1),
+    "plane_angle_deg": ("angle deg", 1.0, 2),
+    "axes_error_deg": ("axes deg", 1.0, 2),
+    "room_iou": ("room IoU %", 100.0, 1),
+    "free_space_iou": ("free floor IoU %", 100.0, 1),
+}
+"""Heading, factor and digits of the figures in three dimensions."""
 
 
 def text_table(scores: Sequence[SetScore]) -> str:
-    """Return the table for the terminal: percent, with 95 % bootstrap intervals over the frames.
+    """Return the tables for the terminal: percent, with 95 % bootstrap intervals over the frames.
 
     "fixed" is the layout error with the wall names as they are, "none" counts frames without an estimate (each is
     100 % wrong), "ms" is the median per frame.
@@ -29,15 +39,15 @@ def text_table(scores: Sequence[SetScore]) -> str:
         f"{'':<36}{'layout %':>18}{'fixed':>7}{'labelling %':>19}{'mean IoU':>19}{'corner %':>9}{'ms':>7}{'none':>6}",
     ]
     for score in scores:
-        spans = score.intervals(np.random.default_rng(BOOTSTRAP_SEED))
+        figures = score.figures
         lines.append(
             f"{score.title:<36}"
-            f"{with_span(_mean(score.layout_errors), spans['layout']):>18}"
-            f"{percent(_mean(score.layout_errors_fixed)):>7}"
-            f"{with_span(_mean(score.labelling_errors), spans['labelling']):>19}"
-            f"{with_span(score.mean_iou, spans['iou']):>19}"
-            f"{percent(_mean(score.corner_errors)):>9}"
-            f"{np.nanmedian([f.milliseconds for f in score.frames]):>7.1f}"
+            f"{with_span(figures['layout_error']):>18}"
+            f"{percent(figures['layout_error_fixed_names'].value):>7}"
+            f"{with_span(figures['labelling_error']):>19}"
+            f"{with_span(figures['mean_iou']):>19}"
+            f"{percent(figures['corner_error'].value):>9}"
+            f"{score.milliseconds:>7.1f}"
             f"{score.without_estimate:>6}"
         )
     lines.append("published, on other images of the same data set:")
@@ -45,15 +55,35 @@ def text_table(scores: Sequence[SetScore]) -> str:
         f"{row.title:<36}{number(row.layout):>18}{'':>7}{number(row.labelling):>19}{number(row.mean_iou):>19}"
         for row in TABLE_2
     ]
-    return "\n".join([*lines, "", iou_table(scores)])
+    return "\n".join([*lines, "", iou_table(scores), *room_table(scores)])
 
 
 def iou_table(scores: Sequence[SetScore]) -> str:
     """Return IoU per class, as PASCAL (paper Table 4)."""
     lines = [f"{'IoU %':<36}" + "".join(f"{name:>12}" for name in LABELS)]
-    lines += [f"{s.title:<36}" + "".join(f"{percent(v):>12}" for v in s.iou) for s in scores]
+    lines += [
+        f"{s.title:<36}" + "".join(f"{percent(s.figures[f'iou.{name}'].value):>12}" for name in LABELS) for s in scores
+    ]
     lines += [f"{r.title:<36}" + "".join(f"{v:>12.2f}" for v in r.iou) for r in TABLE_2 if r.iou]
     return "\n".join(lines)
+
+
+def room_table(scores: Sequence[SetScore]) -> list[str]:
+    """Return the lines of the figures in three dimensions; none where no frame has a true room."""
+    if not (shown := with_rooms(scores)):
+        return []
+    lines = ["", f"{'room in 3-D':<36}" + "".join(f"{head:>20}" for head, _, _ in ROOM_COLUMNS.values())]
+    return lines + [f"{s.title:<36}" + "".join(f"{cell:>20}" for cell in room_cells(s)) for s in shown]
+
+
+def with_rooms(scores: Sequence[SetScore]) -> list[SetScore]:
+    """Return the methods that have a figure in three dimensions."""
+    return [s for s in scores if any(np.isfinite(s.figures[name].value) for name in ROOM_FIGURES)]
+
+
+def room_cells(score: SetScore) -> list[str]:
+    """Return the row of `ROOM_COLUMNS`."""
+    return [with_span(score.figures[name], factor, digits) for name, (_, factor, digits) in ROOM_COLUMNS.items()]
 
 
 def summary(scores: Sequence[SetScore]) -> dict[str, Any]:
@@ -62,47 +92,49 @@ def summary(scores: Sequence[SetScore]) -> dict[str, Any]:
 
 
 def _summary(score: SetScore) -> dict[str, Any]:
-    spans = score.intervals(np.random.default_rng(BOOTSTRAP_SEED))
+    def collect(pick: Callable[[Figure], Any]) -> dict[str, Any]:
+        single = {name: pick(score.figures[name]) for name in SINGLE}
+        return single | {g: {c: pick(score.figures[f"{g}.{c}"]) for c in classes} for g, classes in GROUPS.items()}
+
     return {
         "frames": len(score.frames),
         "frames_without_estimate": score.without_estimate,
-        "layout_error": _json(_mean(score.layout_errors)),
-        "layout_error_fixed_names": _json(_mean(score.layout_errors_fixed)),
-        "labelling_error": _json(_mean(score.labelling_errors)),
-        "mean_iou": _json(score.mean_iou),
-        "corner_error": _json(_mean(score.corner_errors)),
-        "iou": {name: _json(v) for name, v in zip(LABELS, score.iou, strict=True)},
-        "furniture_iou": {str(k): _json(v) for k, v in zip(FURNITURE_IDS, score.furniture_iou, strict=True)},
-        "interval_95": {name: [_json(low), _json(high)] for name, (low, high) in spans.items()},
-        "milliseconds_median": _json(float(np.nanmedian([f.milliseconds for f in score.frames]))),
+        "milliseconds_median": _json(score.milliseconds),
+        **collect(lambda figure: _json(figure.value)),
+        "interval_95": collect(lambda figure: [_json(figure.low), _json(figure.high)]),
     }
 
 
-def summary_json(scores: Sequence[SetScore], **facts: object) -> str:
-    """Return summary.json: the facts of the run, then the numbers by method."""
-    return json.dumps({**facts, "methods": summary(scores)}, indent=1, allow_nan=False) + "\n"
+def summary_json(scores: Sequence[SetScore], superpixels: Mapping[str, Mapping[str, Figure]], **facts: object) -> str:
+    """Return summary.json: the facts of the run, the numbers by method, and those of the superpixels by setting."""
+    segmentation = {
+        setting: {
+            **{name: _json(figure.value) for name, figure in row.items()},
+            "interval_95": {name: [_json(figure.low), _json(figure.high)] for name, figure in row.items()},
+        }
+        for setting, row in superpixels.items()
+    }
+    content = {**facts, "methods": summary(scores), "superpixels": segmentation}
+    return json.dumps(content, indent=1, allow_nan=False) + "\n"
 
 
 def frames_csv(scores: Sequence[SetScore]) -> str:
-    """Return one line per frame and method."""
+    """Return one line per frame and method, the worst layouts of each method first."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(
-        ["frame", "method", "status", "layout_error", "layout_error_fixed_names", "labelling_error", "corner_error"]
-        + ["confidence", "milliseconds"]
-    )
+    writer.writerow(["frame", "method", "status", *PER_FRAME, "confidence", "milliseconds"])
     for score in scores:
-        for frame in score.frames:
-            p = frame.pixels
-            values = (p.layout_error, p.layout_error_fixed, p.labelling_error, frame.corner_error, frame.confidence)
+        for frame in worst_first(score):
+            values = [*(measure(frame) for measure in PER_FRAME.values()), frame.confidence]
             writer.writerow(
                 [frame.name, score.title, frame.status, *(f"{v:.5f}" for v in values), f"{frame.milliseconds:.2f}"]
             )
     return out.getvalue()
 
 
-def _mean(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
-    return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
+def worst_first(score: SetScore) -> list[FrameScore]:
+    """Return the frames by falling layout error."""
+    return sorted(score.frames, key=lambda frame: -np.nan_to_num(frame.pixels.layout_error, nan=2.0))
 
 
 def percent(share: float) -> str:
@@ -115,11 +147,13 @@ def number(value: float) -> str:
     return f"{value:.2f}" if np.isfinite(value) else "-"
 
 
-def with_span(share: float, span: tuple[float, float]) -> str:
-    """Return percent with the interval."""
-    if not np.isfinite(share):
+def with_span(figure: Figure, factor: float = 100.0, digits: int = 2) -> str:
+    """Return a figure, as percent by default, with its interval."""
+    if not np.isfinite(figure.value):
         return "-"
-    return f"{100 * share:.2f} ({100 * span[0]:.1f}-{100 * span[1]:.1f})"
+    few = max(1, digits - 1)
+    value, low, high = (factor * v for v in (figure.value, figure.low, figure.high))
+    return f"{value:.{digits}f} ({low:.{few}f}-{high:.{few}f})"
 
 
 def _json(value: float) -> float | None:

@@ -1,0 +1,142 @@
+"""What `room-layout evaluate` measures against: frames with truth of their own, published apart, fitted or rendered."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from room_layout_ros.core.labels import FACES, N_FACES
+from room_layout_ros.core.layout import RoomCuboid
+from room_layout_ros.datasets import DataError, FramesFolder, FrameSource, open_source
+from room_layout_ros.datasets.nyu import NyuSource, frame_name, open_nyu
+from room_layout_ros.datasets.nyu_truth import read_class_map, read_layouts
+from room_layout_ros.datasets.synthetic import KINDS, NOISES, SyntheticSource
+from room_layout_ros.evaluation.fitted_truth import FittedSource
+from room_layout_ros.learning.fit_frame import read_fits
+
+
+def add_input_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options that choose frames and their truth."""
+    parser.add_argument(
+        "input", type=Path, nargs="?", metavar="INPUT", help="frames folder, rosbag2 or NYU v2 .mat with truth"
+    )
+    parser.add_argument(
+        "--frames",
+        metavar="SUBSET",
+        help="a list of splits.json (layout_dev, official_test, ...) or of --layouts (train, test), a text file of "
+        "names, or names with commas; default: every frame with a true layout",
+    )
+    parser.add_argument(
+        "--layouts",
+        type=Path,
+        nargs="+",
+        metavar="FILE",
+        help="published layouts of an NYU v2 .mat: fields index and layout or layout_GT in one .mat or .npz or several",
+    )
+    parser.add_argument("--classes40", type=Path, metavar="FILE", help="mapping of its 894 classes: field mapClass")
+    parser.add_argument(
+        "--face-ids",
+        metavar="IDS",
+        help="ids in --layouts of ceiling, floor, left, front, right wall (default 1,2,3,4,5)",
+    )
+    parser.add_argument("--fits", type=Path, metavar="DIR", help="true rooms from the output of room-layout fit")
+    parser.add_argument("--rendered", type=int, metavar="N", help="N rendered rooms instead of INPUT, with all truth")
+    parser.add_argument("--scene", choices=("random", *KINDS), default="cuboid", help="rendered rooms (default cuboid)")
+    parser.add_argument("--noise", choices=tuple(NOISES), default="kinect", help="their sensor (default kinect)")
+    parser.add_argument("--seed", type=int, default=2013, metavar="N", help="their seed (default 2013)")
+
+
+def open_input(arguments: argparse.Namespace) -> FrameSource:
+    """Open what the options name, restricted to the chosen frames.
+
+    Raises
+    ------
+    DataError
+        When it cannot be opened, or options do not go together.
+    """
+    rooms = {} if arguments.fits is None else read_fits(arguments.fits)
+    source = choose_frames(_open(arguments), arguments.frames, rooms)
+    return FittedSource(source, rooms) if rooms else source
+
+
+def _open(arguments: argparse.Namespace) -> FrameSource:
+    if (arguments.rendered is None) == (arguments.input is None):
+        raise DataError("either INPUT or --rendered N is needed")
+    apart = arguments.layouts is not None or arguments.classes40 is not None or arguments.face_ids is not None
+    if apart and (arguments.input is None or arguments.input.suffix != ".mat"):
+        raise DataError("--layouts, --face-ids and --classes40 go with an NYU v2 .mat file only")
+    if arguments.face_ids is not None and arguments.layouts is None:
+        raise DataError("--face-ids says how to read --layouts; give that too")
+    if arguments.seed < 0:
+        raise DataError(f"--seed is {arguments.seed}; it must be 0 or more")
+    if arguments.rendered is not None:
+        return SyntheticSource(arguments.rendered, arguments.seed, arguments.scene, arguments.noise, walk=False)
+    if not apart:
+        return open_source(arguments.input)
+    return open_nyu(
+        arguments.input,
+        layouts=None if arguments.layouts is None else read_layouts(arguments.layouts, _face_ids(arguments.face_ids)),
+        class_map=None if arguments.classes40 is None else read_class_map(arguments.classes40),
+    )
+
+
+def _face_ids(text: str | None) -> tuple[int, ...]:
+    if text is None:
+        return FACES
+    try:
+        ids = tuple(int(word) for word in text.split(","))
+    except ValueError:
+        ids = ()
+    if len(ids) != N_FACES:
+        raise DataError(f"--face-ids {text}: five whole numbers with commas are needed")
+    return ids
+
+
+def choose_frames(source: FrameSource, subset: str | None, rooms: dict[str, RoomCuboid] | None = None) -> FrameSource:
+    """Return the source restricted to a named subset; without one, to the frames known to have a true layout.
+
+    Parameters
+    ----------
+    rooms : dict, optional
+        Fitted rooms by name, which count as layouts.
+
+    Raises
+    ------
+    DataError
+        When the subset is unknown, or the input cannot be restricted.
+    """
+    if not isinstance(source, FramesFolder | NyuSource):
+        if subset is not None:
+            raise DataError(f"--frames {subset} needs a frames folder or an NYU v2 .mat; {source.title} is neither")
+        return source
+    if subset is not None:
+        return source.subset(_names(source, subset))
+    if isinstance(source, NyuSource):
+        if source.layouts is None and not rooms:
+            raise DataError(f"{source.title} holds no layouts; give the published ones by --layouts FILE")
+        return source
+    known = {path.stem for path in (source.path / "layout").glob("*.png")} | set(rooms or ())
+    return source.subset(tuple(name for name in source.names if name in known))
+
+
+def _names(source: FramesFolder | NyuSource, subset: str) -> tuple[str, ...]:
+    splits = _splits(source)
+    if subset in splits:
+        # Lists hold the data set's own numbers; frames are named by them with leading zeros.
+        return tuple(frame_name(entry) if isinstance(entry, int) else str(entry) for entry in splits[subset])
+    if (listing := Path(subset)).is_file():
+        return tuple(listing.read_text("utf-8").split())
+    names = tuple(name for name in subset.split(",") if name)
+    if not set(names) <= set(source.names):
+        known = ", ".join(splits) or "none"
+        raise DataError(f"--frames {subset}: neither one of its lists ({known}), nor a file, nor names of frames")
+    return names
+
+
+def _splits(source: FramesFolder | NyuSource) -> dict[str, tuple[int | str, ...]]:
+    if isinstance(source, NyuSource):
+        return dict(source.splits)
+    path = source.path / "splits.json"
+    content = json.loads(path.read_text("utf-8")) if path.exists() else {}
+    return {name: tuple(entries) for name, entries in content.items() if isinstance(entries, list)}
