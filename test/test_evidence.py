@@ -258,9 +258,9 @@ def test_pictures_have_the_size_of_the_image(scene: Scene) -> None:
     lines = _room_lines()
     context = np.eye(6)[np.arange(superpixels.count) % 6]
     classes = classify_segments(lines, R, CAMERA)
-    assert pictures.draw_lines(color, lines, classes).shape == color.shape
-    assert not np.array_equal(pictures.draw_lines(color, lines, classes), color // 2)
+    drawn = pictures.draw_lines(color, lines, classes, R, CAMERA)
+    assert drawn.shape == color.shape
+    assert not np.array_equal(drawn, pictures.draw_pencils(color // 2, R, CAMERA)), "segments besides the pencils"
     assert pictures.draw_orientation(None, np.full((120, 160), 2, np.uint8))[0, 0].tolist() == [90, 200, 90]
     assert pictures.draw_context(color, superpixels, context).shape == color.shape
-    assert pictures.draw_context_channel(superpixels, context, 6).max() == 255
     assert pictures.draw_depth_cues(superpixels, np.zeros((superpixels.count, 12))).shape == (240, 960, 3)

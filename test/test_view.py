@@ -41,7 +41,7 @@ def folder(sample: Sample, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-NEEDS_DEPTH = {"depth", "cues", "support", "top-down"}
+NEEDS_DEPTH = {"depth", "cues", "planes", "support", "top-down"}
 
 
 @pytest.mark.parametrize("with_depth", (True, False))

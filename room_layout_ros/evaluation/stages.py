@@ -10,17 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from room_layout_ros.core.depth import compute_depth_geometry
+from room_layout_ros.core.depth_profiles import DepthProfiles
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.evidence import pictures as evidence_pictures
 from room_layout_ros.core.evidence.depth_cues import compute_depth_cues
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.frame_evidence import classify_superpixels, describe_superpixels
+from room_layout_ros.core.joint_problem import FrameEvidence, build_joint_problem
 from room_layout_ros.core.lines import LineSegments, classify_segments, compute_line_segments
 from room_layout_ros.core.manhattan import ManhattanFrame, find_axes
 from room_layout_ros.core.scene_network import SceneScores, compute_scene_scores, pool_scene
 from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
 from room_layout_ros.core.tracking import TemporalPrior
+from room_layout_ros.core.wall_naming import rename_walls
 
 from . import pictures
 from .top_down import draw_top_down
@@ -38,7 +41,9 @@ class Look:
     Attributes
     ----------
     segments, line_class : line segments and their axes. orientation : (H, W) uint8 orientation map.
+    R_room_camera : (3, 3) axes that segments, orientation and context are of: the first naming that is tried.
     superpixels : with planes. context : (K, 6) geometric context. cues : (K, 12) depth cues.
+    profiles : what depth says of the planes, under the naming of the estimate.
     """
 
     frame: RgbdFrame
@@ -49,6 +54,8 @@ class Look:
     superpixels: Superpixels | None = None
     context: NDArray[np.float64] | None = None
     cues: NDArray[np.float64] | None = None
+    R_room_camera: NDArray[np.float64] | None = None
+    profiles: DepthProfiles | None = None
     scores: SceneScores | None = None
 
 
@@ -74,7 +81,12 @@ def look_at(frame: RgbdFrame, estimator: LayoutEstimator) -> Look:
     context = classify_superpixels(features, forest, config.joint_variant)
     line_class = None if segments is None else classify_segments(segments, axes.R_room_camera, camera)
     cues = None if geometry is None else compute_depth_cues(superpixels, axes.R_room_camera, camera)
-    return Look(frame, estimate, segments, line_class, orientation, superpixels, context, cues, scores)
+    R, profiles = axes.R_room_camera, None
+    if geometry is not None and estimate.cuboid is not None:
+        named = None if context is None else rename_walls(context, R, estimate.R_room_camera)
+        evidence = FrameEvidence(estimate.R_room_camera, context=named)
+        profiles = build_joint_problem(camera, superpixels, evidence, geometry, config).profiles
+    return Look(frame, estimate, segments, line_class, orientation, superpixels, context, cues, R, profiles, scores)
 
 
 def _color(look: Look) -> Image:
@@ -90,9 +102,10 @@ def _superpixels(look: Look) -> Image:
 
 
 def _lines(look: Look) -> Image | None:
-    if look.segments is None or look.line_class is None:
+    if look.segments is None or look.line_class is None or look.R_room_camera is None:
         return None
-    return evidence_pictures.draw_lines(pictures.base_image(look.frame), look.segments, look.line_class)
+    image = pictures.base_image(look.frame)
+    return evidence_pictures.draw_lines(image, look.segments, look.line_class, look.R_room_camera, look.frame.camera)
 
 
 def _orientation(look: Look) -> Image | None:
@@ -123,6 +136,13 @@ def _cues(look: Look) -> Image | None:
     sheet = evidence_pictures.draw_depth_cues(look.superpixels, look.cues)
     height, width = look.frame.camera.height, look.frame.camera.width
     return np.asarray(cv2.resize(sheet, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _planes(look: Look) -> Image | None:
+    if look.profiles is None or look.estimate.cuboid is None:
+        return None
+    size = (look.frame.camera.width, look.frame.camera.height)
+    return evidence_pictures.draw_planes(look.profiles, look.estimate.cuboid.distances, size)
 
 
 def _support(look: Look) -> Image | None:
@@ -166,12 +186,13 @@ STAGES: dict[str, tuple[str, Callable[[Look], Image | None]]] = {
     "color": ("colour", _color),
     "depth": ("depth: near red, far blue, black unmeasured", _depth),
     "superpixels": ("superpixels", _superpixels),
-    "lines": ("lines along X red, Y green, Z blue", _lines),
+    "lines": ("lines and pencils of X red, Y green, Z blue; horizon", _lines),
     "orientation": ("orientation map", _orientation),
     "context": ("geometric context: mixed colours are doubt", _context),
     "scene": ("scene network: labels", _scene),
     "behind": ("scene network: the face behind", _behind),
     "cues": ("depth cues: six cosines, six distances", _cues),
+    "planes": ("offset of each plane: support, violation, chosen", _planes),
     "support": ("depth on a face green, beyond red, before grey", _support),
     "labels": ("labels", _labels),
     "layout": ("layout, behind furniture too", _layout),
