@@ -28,6 +28,7 @@ from room_layout_ros.core.models import model_file
 from room_layout_ros.core.weights import ModelWeights, save_weights, start_weights
 from room_layout_ros.datasets import DataError, FramesFolder, open_source
 from room_layout_ros.datasets.images import write_atomically
+from room_layout_ros.evaluation.c_curve import C_CURVE_FILE, CPoint, update_c_curve
 from room_layout_ros.learning import train
 from room_layout_ros.learning.context import RGB_SETTINGS, ContextSettings, train_context, train_furniture
 from room_layout_ros.learning.example_store import ExampleRef, ExampleStore
@@ -220,16 +221,17 @@ class _Run:
     def c_curve(self, examples: list[ExampleRef]) -> Path:
         """Learn on one half with every C, validate on the other, and write the table (Figure 4 b-d)."""
         learned, held = self.halves(examples, 2)[0]
-        rows = []
+        points = []
         for C in sorted(self.arguments.c_curve):
             config = dataclasses.replace(self.config, svm=dataclasses.replace(self.config.svm, C=C))
             result = self.learn(learned, f"C{C:g}", config)
             errors = validate(ModelWeights(result.weights), held, self.place)
-            rows.append({"C": C, **{key: errors[key] for key in ("layout", "labelling", "mean_iou")}})
-            _say(f"{rows[-1]}")
-        facts = {"depth": self.place.config.use_depth, "learned": len(learned), "validated": len(held), **origin()}
-        path: Path = self.arguments.out / "c_curve.json"
-        write_atomically(path, json.dumps({"rows": rows, **facts}, indent=1).encode())
+            points.append(CPoint(C, errors["layout"], errors["labelling"], errors["mean_iou"]))
+            _say(str(points[-1]))
+        made = origin()
+        about = f"learned on {len(learned)} frames, validated on {len(held)} others; {made['date']}, {made['command']}"
+        path: Path = self.arguments.out / C_CURVE_FILE
+        update_c_curve(path, "rgbd" if self.place.config.use_depth else "rgb", points, about)
         return path
 
     def write(self, weights: ModelWeights, card: dict[str, Any], result: SvmResult) -> None:
