@@ -82,7 +82,7 @@ def refine_cuboid(
     start = FittedRoom(cuboid.R_room_camera, cuboid.distances, np.inf)
     if geometry is None:
         cells = image_cells(camera, 0.5 * believed + 0.5 * labels, superpixels.index, behind)
-        room = refine_room(cells, start, IMAGE_COSTS)
+        room = refine_room(cells, start, IMAGE_COSTS, turn=False)
         measured = 0.0
     else:
         cells = room_cells(geometry, believed, superpixels.index, behind)

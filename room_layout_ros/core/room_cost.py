@@ -21,7 +21,7 @@ in m and per metre, factor for wall beyond (windows, doors and mirrors show what
 decides better); by the scene network's layout: another kind of face, wall of another name. Unit: a wall cell that is
 off its plane."""
 
-IMAGE_COSTS = np.concatenate([COSTS[:7], [0.5, 1.0, 1.0]])
+IMAGE_COSTS = np.concatenate([COSTS[:7], [0.5, 0.5, 0.1]])
 """The same for cells without depth, where the name is all that tells one wall from the next."""
 
 MIN_DISTANCE_M = 0.05

@@ -24,18 +24,22 @@ _POLISH_ROUNDS = 6
 _POLISH_SIGMAS = 4.0
 
 
-def refine_room(cells: RoomCells, room: FittedRoom, costs: NDArray[np.float64] = COSTS) -> FittedRoom:
-    """Pattern search over rotations and finite distances, halving the steps, then least squares on the inliers."""
-    R, distances, _ = _refine(
-        cells.rays, cells.inverse_depth, cells.probability, cells.behind, room.R_room_camera, room.distances, costs
-    )
-    R, distances = _polish(cells.rays, cells.inverse_depth, cells.probability, R, distances)
+def refine_room(
+    cells: RoomCells, room: FittedRoom, costs: NDArray[np.float64] = COSTS, turn: bool = True
+) -> FittedRoom:
+    """Pattern search over rotations and finite distances, halving the steps, then least squares on the inliers.
+
+    `turn` False holds the rotation in the pattern search: without depth, lines know the axes better than regions do.
+    """
+    seen = cells.rays, cells.inverse_depth, cells.probability
+    R, distances, _ = _refine(*seen, cells.behind, room.R_room_camera, room.distances, costs, turn)
+    R, distances = _polish(*seen, R, distances)
     u, _, vt = np.linalg.svd(R)
     return rate_room(cells, FittedRoom(np.asarray(u @ vt), distances, np.inf), costs)
 
 
 @njit(cache=True, nogil=True)
-def _refine(rays, inverse_depth, probability, behind, R, distances, costs):  # type: ignore[no-untyped-def]
+def _refine(rays, inverse_depth, probability, behind, R, distances, costs, turning):  # type: ignore[no-untyped-def]
     distances = distances.copy()
     count = len(rays) * _REFINED_PARTS // INTERLEAVED_PARTS
     best = mean_cost(rays, inverse_depth, probability, behind, R, distances, costs, count, np.inf)
@@ -43,7 +47,7 @@ def _refine(rays, inverse_depth, probability, behind, R, distances, costs):  # t
     for _ in range(_HALVINGS):
         for _ in range(_ROUNDS):
             improved = False
-            for k in range(8):
+            for k in range(0 if turning else 3, 8):
                 if k >= 3 and distances[k - 3] == np.inf:
                     continue
                 for sign in (-1.0, 1.0):
