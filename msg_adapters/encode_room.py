@@ -64,6 +64,7 @@ def encode_points(points: NDArray[np.float64]) -> list[Point]:
 def new_marker(estimate: RoomEstimate, namespace: str, number: int, kind: int, lifetime_s: float) -> Marker:
     """Return a marker in the frame and at the time of the estimate."""
     marker = Marker(header=encode_header(estimate.stamp_ns, estimate.frame_id))
+    marker.texture.header = encode_header(estimate.stamp_ns, estimate.frame_id)  # empty, but every header is alike
     marker.ns, marker.id, marker.type, marker.action = namespace, number, kind, Marker.ADD
     marker.pose.orientation.w = 1.0
     marker.lifetime = Duration(sec=int(lifetime_s), nanosec=int(lifetime_s % 1.0 * NS_PER_S))

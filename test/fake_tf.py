@@ -16,6 +16,8 @@ class FakeBuffer:
 
     def __init__(self) -> None:
         self._poses: dict[tuple[str, str], dict[int, str]] = {}
+        self.sent: list[Any] = []
+        """What nodes broadcast."""
 
     def add(self, target: str, source: str, pose: str, stamp_ns: int = 0) -> None:
         """Take "x y z qx qy qz qw", which holds from `stamp_ns` on until the next; 0 is static."""
@@ -41,6 +43,11 @@ class FakeBuffer:
 def install(monkeypatch: pytest.MonkeyPatch) -> FakeBuffer:
     """Let nodes find a tf2_ros; return the buffer of all of them."""
     buffer, module = FakeBuffer(), types.ModuleType("tf2_ros")
-    module.__dict__.update(Buffer=lambda: buffer, TransformListener=lambda buffer, node: (buffer, node))
+    broadcaster = types.SimpleNamespace(sendTransform=buffer.sent.append)
+    module.__dict__.update(
+        Buffer=lambda: buffer,
+        TransformListener=lambda buffer, node: (buffer, node),
+        TransformBroadcaster=lambda node: broadcaster,
+    )
     monkeypatch.setitem(sys.modules, "tf2_ros", module)
     return buffer

@@ -57,3 +57,8 @@ def read_until(process: subprocess.Popen[str], pattern: str) -> str:
 
 def rest(process: subprocess.Popen[str], seconds: float) -> str:
     return process.communicate(timeout=seconds)[0]
+
+
+def slack() -> float:
+    """Return how much slower this machine is than an idle one: other work must not fail a test."""
+    return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))

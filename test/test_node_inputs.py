@@ -193,6 +193,7 @@ def said(bench: Bench, key: str) -> str:
     return next(v.value for s in statuses if s.name.endswith(": estimates") for v in s.values if v.key == key)
 
 
+FLOOR_GIVEN = {"pose_source": "parameters", "camera_height": 1.3}
 LEVEL = "0 0.3 0.1 0.5 -0.5 0.5 0.5"
 NODDING = "0 0.3 0.1 0.547419 -0.547419 0.447585 0.447585"
 """The pose of the robot in the camera's frame: as LEVEL, the camera looking 0.2 rad down."""
@@ -235,6 +236,43 @@ def test_the_newest_pose_is_used_and_told_where_tf_lags_behind_the_frame(tf: Fak
         bench.until(lambda: said(bench, "transforms"))
         words = f"base_footprint to {FRAME_ID}: 2 times not known at the frame's time, the newest was used"
         bench.until(lambda: said(bench, "transforms") == f"{words} (last 0.100 s older)")
+
+
+def scan(bench: Bench, first: int) -> list[Any]:
+    """Return the scans of frames from number `first` on, sent until the node knows that somebody listens."""
+    bench.listen("estimator/scan", messages.LaserScan)
+    for i in range(first, first + 100):
+        bench.expect(i)
+        bench.spin(0.1)
+        if bench.heard["estimator/scan"]:
+            break
+    return bench.heard["estimator/scan"]
+
+
+def test_the_floor_frame_is_broadcast_while_somebody_listens_to_a_topic_on_it(tf: FakeBuffer) -> None:
+    with running(**FLOOR_GIVEN) as bench:
+        bench.connect()
+        bench.expect(0)
+        assert not tf.sent
+        scans = scan(bench, 1)
+        bench.until(lambda: tf.sent)
+        assert (tf.sent[0].header.frame_id, tf.sent[0].child_frame_id) == (FRAME_ID, f"{FRAME_ID}_floor")
+        assert tf.sent[0].header.stamp == scans[0].header.stamp
+
+
+def test_two_nodes_in_namespaces_of_their_own_do_not_mix(tf: FakeBuffer) -> None:
+    with (
+        running(floor_frame="left_floor", **FLOOR_GIVEN) as left,
+        running(floor_frame="right_floor", **FLOOR_GIVEN) as right,
+    ):
+        for bench in (left, right):
+            bench.connect()
+        assert {m.header.frame_id for m in scan(left, 1)} == {"left_floor"}
+        assert {m.header.frame_id for m in scan(right, 1001)} == {"right_floor"}
+        left.spin(0.2)
+        assert {t.child_frame_id for t in tf.sent} == {"left_floor", "right_floor"}
+        assert not left.labels_of(1001)
+        assert not right.labels_of(1)
 
 
 def test_without_tf_the_floor_decides() -> None:
