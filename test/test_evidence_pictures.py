@@ -33,7 +33,7 @@ def pixels_of(image: NDArray[np.uint8], color: tuple[int, ...]) -> F64:
 
 @pytest.mark.parametrize("R", POSES.values(), ids=POSES)
 def test_pencils_run_through_the_vanishing_points(R: F64) -> None:
-    """A line through the vanishing point of an axis is a plane through the axis, so its rays have one angle about it."""
+    """A line through the vanishing point of an axis is a plane through it: its rays have one angle about the axis."""
     drawn = draw_pencils(np.zeros((240, 320, 3), np.uint8), R, HALF)
     for axis, color in enumerate(AXIS_COLORS):
         at = pixels_of(drawn, color)
