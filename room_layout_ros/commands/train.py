@@ -156,11 +156,11 @@ class _Run:
         """Grow the forests that ship: of all frames, degraded ones and rendered rooms."""
         paths = [self.path("context"), self.path("furniture")]
         numbers = tuple(train.frame_numbers(held_out))
-        about = {key: facts[key] for key in ("command", "date")}
+        about = {key: facts[key] for key in ("data", "command", "date")}
         settings, networks = self.config.context, self.place.networks
         _, table = train_context(
             self.source, rooms, paths[0], self.place.config, numbers,
-            settings=settings, facts=about, progress=_say, networks=networks,
+            settings=settings, folds=self.arguments.validate, facts=about, progress=_say, networks=networks,
         )  # fmt: skip
         train_furniture(table, paths[1], facts=about)
         return paths
