@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from room_layout_ros.core.accumulate import accumulate
 from room_layout_ros.core.cell_counts import count_cells, lattice_shear
+from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.integral_geometry import face_counts, pair_tables
 from room_layout_ros.core.layout_search import Layout, layout_energy
@@ -142,6 +143,21 @@ def test_a_coarse_lattice_counts_the_same_shares(rng: np.random.Generator) -> No
         layout = random_layout(rng, grid)
         a, b = face_counts(every, layout)[0], face_counts(fifth, layout)[0] * 5
         assert np.abs(a - b).max() < 0.001 * 640 * 480
+
+
+def test_faces_counted_as_inference_counts_them_hold_as_many_pixels_as_the_raster(
+    pose: NDArray[np.float64], rng: np.random.Generator
+) -> None:
+    """Issue 3: below 0.1 % of the image, by the lattice and the bins that the estimator uses."""
+    config = EstimatorConfig()
+    assert config.layout_pixel_step > 1
+    grid = compute_ray_grid(FULL, pose, config.layout_rays, config.layout_angle_bins)
+    counts = count_cells(grid, np.zeros((480, 640), np.int32), 1, config.layout_pixel_step)
+    for _ in range(12):
+        layout = random_layout(rng, grid)
+        truth = np.bincount(grid.cuboid(layout).raster(FULL).ravel(), minlength=6)[1:]
+        counted = config.layout_pixel_step * face_counts(counts, layout)[0]
+        assert np.abs(counted - truth).max() < 0.001 * 640 * 480, layout
 
 
 def test_lattice_of_one_in_five_is_the_knights_move() -> None:
