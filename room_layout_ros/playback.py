@@ -1,6 +1,6 @@
 """Frames onto ROS 2 topics: the CDR of a bag goes straight to the publishers, nothing is decoded.
 
-With node.py, parameters.py and msg_adapters this is a file that imports ROS.
+Like `node` a shell around rclpy, which is imported when something is played.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ class Subscriptions:
     on_imu : callable
         `on_imu(message)`.
     on_lost : callable
-        `on_lost(stream, number)` of messages that the middleware lost.
+        `on_lost(stream, number)` of messages that were sent while we listened and never came here.
     """
 
     def __init__(
@@ -52,6 +52,7 @@ class Subscriptions:
         self._on_message, self._on_imu, self._on_lost = on_message, on_imu, on_lost
         self._open: dict[str, Any] = {}
         self._clashes: dict[str, str] = {}
+        self._numbers: dict[str, int] = {}
         self._since = 0.0
 
     def __bool__(self) -> bool:
@@ -77,7 +78,7 @@ class Subscriptions:
         """Drop all subscriptions."""
         for subscription in self._open.values():
             self._node.destroy_subscription(subscription)
-        self._open, self._clashes = {}, {}
+        self._open, self._clashes, self._numbers = {}, {}, {}
 
     def facts(self, settings: Settings) -> dict[str, InputFacts]:
         """Return what the graph says about each input, for the diagnosis."""
@@ -102,17 +103,35 @@ class Subscriptions:
         events = SubscriptionEventCallbacks(
             message_lost=partial(self._lost, stream), incompatible_qos=partial(self._clash, stream)
         )
-        callback = partial(self._guard, f"callback of {stream}", self._take, stream)
+
+        def callback(serialized: bytes, info: Any) -> None:  # rclpy tells info only to functions of two arguments
+            self._guard(f"callback of {stream}", self._take, stream, serialized, info)
+
         self._open[stream] = self._node.create_subscription(
             kind, self._topic(stream, settings), callback, event_callbacks=events, raw=True, **_qos()
         )
 
-    def _take(self, stream: str, serialized: bytes) -> None:
+    def _take(self, stream: str, serialized: bytes, info: Any) -> None:
         self._clashes.pop(stream, None)
+        number = info.get("publication_sequence_number")
+        if number is not None:
+            self._count_gap(stream, number)
         self._on_message(stream, serialized)
 
+    def _count_gap(self, stream: str, number: int) -> None:
+        """Count messages that the publisher numbered and that did not come.
+
+        The middleware tells of those that it lost on the way, not of those that newer ones replaced in its queue
+        because this process got no time to take them. With two publishers the numbers say nothing.
+        """
+        before, self._numbers[stream] = self._numbers.get(stream), number
+        subscription = self._open.get(stream)
+        if before is not None and number > before + 1 and subscription and subscription.get_publisher_count() == 1:
+            self._on_lost(stream, number - before - 1)
+
     def _lost(self, stream: str, info: Any) -> None:
-        self._on_lost(stream, info.total_count_change)
+        if stream not in self._numbers:  # a middleware without numbers
+            self._on_lost(stream, info.total_count_change)
 
     def _clash(self, stream: str, info: Any) -> None:
         self._clashes[stream] = qos_policy_name_from_kind(info.last_policy_kind)

@@ -412,6 +412,19 @@ def test_f12_sim_time_waits_for_the_clock_and_starts_with_it() -> None:
         bench.expect(2)
 
 
+def test_f13_messages_that_a_busy_process_gets_no_time_to_take_count_as_lost() -> None:
+    with running() as bench:
+        bench.connect()
+        bench.expect(0)
+        for i in range(1, 21):  # nothing spins meanwhile; five of a topic are kept
+            bench.send(i)
+        bench.expect(21)
+        streams = bench.health().streams
+        assert {s: streams[s].received + streams[s].lost for s in ("color", "depth")} == {"color": 22, "depth": 22}
+        assert streams["depth"].lost >= 10
+        bench.until(lambda: bench.said("input depth", "depth messages lost on the way"))
+
+
 def test_f43_nobody_listens_nothing_is_subscribed() -> None:
     with running() as bench:
         bench.until(lambda: bench.diagnosis().get("estimates") == (0, "idle: nobody listens to an output"))

@@ -193,7 +193,7 @@ def said(bench: Bench, key: str) -> str:
     return next(v.value for s in statuses if s.name.endswith(": estimates") for v in s.values if v.key == key)
 
 
-FLOOR_GIVEN = {"pose_source": "parameters", "camera_height": 1.3}
+FLOOR_GIVEN: dict[str, Any] = {"pose_source": "parameters", "camera_height": 1.3}
 LEVEL = "0 0.3 0.1 0.5 -0.5 0.5 0.5"
 NODDING = "0 0.3 0.1 0.547419 -0.547419 0.447585 0.447585"
 """The pose of the robot in the camera's frame: as LEVEL, the camera looking 0.2 rad down."""

@@ -108,7 +108,7 @@ def _input_state(stream: str, now: StreamHealth, before: StreamHealth, facts: No
     if now.lost > before.lost:
         return Level.WARN, (
             f"{now.lost - before.lost} {name} messages lost on the way; start the publisher with "
-            f"FASTRTPS_DEFAULT_PROFILES_FILE={facts.profile} (larger shared memory)"
+            f"FASTRTPS_DEFAULT_PROFILES_FILE={facts.profile} (larger shared memory), or this machine is too busy"
         )
     if graph.publishers > 1:
         return Level.WARN, f"{graph.publishers} publishers on {graph.topic}; there should be one"

@@ -23,7 +23,7 @@ class StreamHealth:
     refused: Mapping[str, int] = field(default_factory=dict)
     waiting: int = 0
     lost: int = 0
-    """Messages that the middleware says it lost before they came here."""
+    """Messages that were sent while we listened and never came here."""
     rate_hz: float = 0.0
     silence_s: float = float("inf")
     """Time since the last message; inf before the first."""

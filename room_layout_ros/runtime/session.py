@@ -184,7 +184,7 @@ class EstimatorSession:
         self._stages.complain(f"{stream}: {reason}", sentence)
 
     def count_lost(self, stream: str, number: int) -> None:
-        """Count messages that the middleware lost."""
+        """Count messages that were sent and never came."""
         with self._lock:
             self._lost[stream] += number
 
