@@ -16,6 +16,7 @@ import dataclasses
 import datetime
 import json
 import sys
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +28,7 @@ from room_layout_ros.core.models import SCENE_FILE
 from room_layout_ros.core.scene_network import SceneNetwork, load_network, save_network
 from room_layout_ros.datasets import DataError, FramesFolder, good_samples, open_source
 from room_layout_ros.learning.fit_frame import read_fits
+from room_layout_ros.learning.scene_errors import scene_errors
 from room_layout_ros.learning.scene_examples import SceneExamples, collect_examples, join_examples
 from room_layout_ros.learning.scene_folds import SceneFold, number_folds, write_folds
 from room_layout_ros.learning.synthetic_frames import random_frames
@@ -72,7 +74,20 @@ def run(arguments: argparse.Namespace) -> int:
     write_folds(arguments.out, folds)
     for fold in (None, *folds):
         _train(arguments, real, synthetic, settings, fold)
+    if folds:
+        _note_errors(arguments.out, real, folds)
     return 0
+
+
+def _note_errors(out: Path, real: SceneExamples, folds: Sequence[SceneFold]) -> None:
+    """Write what the networks of the folds got wrong in the frames they had not seen on the card of the one of all."""
+    rows = []
+    for fold in folds:
+        held = real.subset((real.number >= fold.first) & (real.number <= fold.last))
+        rows.append({"first": fold.first, "last": fold.last, **scene_errors(load_network(out / fold.file), held)})
+        print(rows[-1], file=sys.stderr)
+    network = load_network(out / SCENE_FILE)
+    save_network(SceneNetwork(network.onnx, {**network.card, "cross_validation": rows}), out / SCENE_FILE)
 
 
 def _train(
