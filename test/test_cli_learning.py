@@ -23,6 +23,7 @@ pytest.importorskip("joblib", reason="joblib is in the extra train")
 from frames_on_disk import write_folder
 
 from room_layout_ros.cli import main as room_layout
+from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.evidence.geometric_context import load_context
 from room_layout_ros.core.frame import CameraIntrinsics
@@ -124,9 +125,10 @@ def test_the_estimator_works_with_them(trained: Path, frames: FramesFolder) -> N
     shipped = config_folder()
     for name in {path.name for path in shipped.glob("*_plain.npz")} - set(MODELS):
         (trained / name).write_bytes((shipped / name).read_bytes())
-    estimate = LayoutEstimator(models=trained).estimate(frames.read("0030").frame)
+    estimator = LayoutEstimator(EstimatorConfig(scene_network=False), trained)
+    estimate = estimator.estimate(frames.read("0030").frame)
     assert estimate.status.name == "OK"
-    assert LayoutEstimator(models=trained).models[True, False].joint.card["data"] == "rooms"
+    assert estimator.models[True, False].joint.card["data"] == "rooms"
 
 
 @pytest.fixture(scope="module")
