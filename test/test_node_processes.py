@@ -114,7 +114,7 @@ def test_three_processes_at_30_hz_account_for_every_frame_and_agree_with_offline
     for stream in (color, depth):
         received = int(stream["received"])
         unmatched = FRAMES - received - int(stream["lost"])
-        assert 0 <= unmatched <= 2, "the middleware says what it lost, but for frames sent while discovery still ran"
+        assert 0 <= unmatched <= 2, "the node counts what it missed, but for frames sent while discovery still ran"
         refused = sum(int(n) for key, n in stream.items() if key.startswith("refused"))
         assert received == int(stream["paired"]) + int(stream["superseded"]) + int(stream["waiting"]) + refused
         assert refused == 0
@@ -124,9 +124,9 @@ def test_three_processes_at_30_hz_account_for_every_frame_and_agree_with_offline
     empty = sum(int(n) for key, n in pairs.items() if key.startswith("no estimate"))
     assert int(pairs["pairs"]) == int(pairs["published"]) + empty + sum(dropped.values())
     assert int(pairs["in_flight"]) == 0
-    assert int(pairs["pairs"]) >= 0.9 * FRAMES
+    assert int(pairs["pairs"]) >= 0.9 * FRAMES / slack()
 
-    assert len(labels) == counts[f"{namespace}/estimator/labels"][0] == int(pairs["published"]) >= 5
+    assert len(labels) == counts[f"{namespace}/estimator/labels"][0] == int(pairs["published"]) >= 5 / slack()
     number = {stamp_ns(i): i for i in range(FRAMES)}
     stamps = [stamp_of(m) for m in labels]
     assert set(stamps) <= set(number)
