@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -61,6 +62,19 @@ def test_demo_takes_any_option(repository: Path, tmp_path: Path) -> None:
     options = "--color-topic /left/image --frames 9"
     plan = _make(repository, "--dry-run", "demo", f"VENV={tmp_path}", "INPUT=bag", f"ARGS={options}")
     assert plan.strip() == f"{tmp_path}/bin/room-layout demo --input 'bag' {options}"
+
+
+@pytest.mark.parametrize("version", ["3.10.13", "3.12.1"])
+def test_oldest_refuses_a_python_that_its_pins_are_not_for(repository: Path, tmp_path: Path, version: str) -> None:
+    """One sentence before anything is installed; the check is run, with the version it would see."""
+    plan = _make(repository, "--dry-run", "oldest", "--what-if=setup.py")
+    check = re.search(r"-c '(import sys; sys\.exit\(.*?\))'", plan, re.DOTALL)
+    assert check is not None
+    seen = f"import sys; sys.version_info = {tuple(map(int, version.split('.')))}; sys.version = '{version}'"
+    code = seen + "\n" + check[1].replace("\\\n", "")
+    refused = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert refused.returncode == 1
+    assert f"Python is {version}; the pins of constraints-oldest.txt are for 3.11" in refused.stderr
 
 
 def test_ci_runs_make_test_alone(repository: Path) -> None:
