@@ -112,8 +112,9 @@ def test_wrong_shapes_and_wrong_files_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("with_depth", (True, False))
-def test_the_shipped_coefficients_were_fitted_and_point_the_right_way(with_depth: bool) -> None:
-    model = load_confidence(config_folder() / model_file("confidence", with_depth, with_scene=False))
+@pytest.mark.parametrize("with_scene", (True, False))
+def test_the_shipped_coefficients_were_fitted_and_point_the_right_way(with_depth: bool, with_scene: bool) -> None:
+    model = load_confidence(config_folder() / model_file("confidence", with_depth, with_scene))
     assert model.card.get("frames", 0) >= 30, f"made up: {dict(model.card)}"
     assert model.frame[:-1].any()
     if with_depth:

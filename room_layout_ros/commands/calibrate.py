@@ -23,6 +23,7 @@ from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.models import model_file
 from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, Sample, open_source
 from room_layout_ros.evaluation.confidence_fit import LEAST_FRAMES, JudgedSigns, fit_confidence, judge_signs
+from room_layout_ros.learning.scene_folds import SceneFolds, read_folds
 from room_layout_ros.learning.train_run import choose_names
 from room_layout_ros.parallel import map_ordered
 
@@ -33,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fits", type=Path, required=True, metavar="FITS", help="folder with layout/NAME.png")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the coefficients")
     parser.add_argument("--rgb-only", action="store_true", help="for operation without depth")
+    parser.add_argument("--scene", type=Path, metavar="DIR", help="output of room-layout scene: honest networks")
     parser.add_argument("--plain", action="store_true", help="for operation without the scene network")
     parser.add_argument("--hold-out", metavar="SUBSET", help="list of splits.json, file or names never to use")
     parser.add_argument("--frames", type=int, metavar="N", help="use at most so many frames, evenly spread")
@@ -50,7 +52,8 @@ def run(arguments: argparse.Namespace) -> int:
     if len(names) < LEAST_FRAMES:
         raise DataError(f"{arguments.fits} has layouts for {len(names)} frames; at least {LEAST_FRAMES} are needed")
     config = EstimatorConfig(use_depth=not arguments.rgb_only, scene_network=not arguments.plain)
-    work = partial(_judge, arguments.fits, config)
+    networks = None if arguments.scene is None or arguments.plain else read_folds(arguments.scene.absolute())
+    work = partial(_judge, arguments.fits, config, networks)
     with progress_bar("calibrate", len(names)) as progress:
         found = list(map_ordered(work, source.subset(tuple(names)), arguments.jobs, None, progress, None))
     judged = [j for j in found if j is not None]
@@ -68,9 +71,14 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _judge(fits: Path, config: EstimatorConfig, item: Sample | BadFrame) -> JudgedSigns | None:
+def _judge(
+    fits: Path, config: EstimatorConfig, networks: SceneFolds | None, item: Sample | BadFrame
+) -> JudgedSigns | None:
     if isinstance(item, BadFrame):
         return None
     layout = cv2.imread(str(fits / "layout" / f"{item.frame.name}.png"), cv2.IMREAD_UNCHANGED)
-    estimate = LayoutEstimator(config).estimate(item.frame)
+    estimator = LayoutEstimator(config)
+    if networks is not None:
+        estimator.network = networks.network(item.frame.name)
+    estimate = estimator.estimate(item.frame)
     return None if layout is None else judge_signs(estimate, np.asarray(layout, np.uint8))

@@ -75,7 +75,7 @@ class EstimatorConfig:
     method: str = _p(
         "joint", "joint: the learned model; depth: the simple depth estimator (a baseline)", choices=("joint", "depth")
     )
-    scene_network: bool = _p(False, "look at the colour image with the convolutional network, the most accurate way")
+    scene_network: bool = _p(True, "look at the colour image with the convolutional network, the most accurate way")
     axes_hypotheses: int = _p(2, "namings and triples of the axes that the joint energy chooses from", "", 1, 8)
     axes_hypotheses_rgb: int = _p(1, "the same without depth, where the energy tells namings apart less well", "", 1, 8)
     min_depth_m: float = _p(0.2, "nearer measurements are ignored", "m", 0.0, 5.0)

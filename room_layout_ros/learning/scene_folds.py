@@ -34,11 +34,15 @@ class SceneFolds:
     folder: Path
     folds: tuple[SceneFold, ...] = ()
 
+    def network(self, name: str) -> SceneNetwork:
+        """Return the network that is honest about a frame."""
+        number = int(name) if name.isdigit() else -1
+        file = next((fold.file for fold in self.folds if fold.first <= number <= fold.last), SCENE_FILE)
+        return _network(self.folder / file)
+
     def look(self, frame: RgbdFrame) -> SceneScores | None:
         """Look at a frame with the network that is honest about it; None without colour."""
-        number = int(frame.name) if frame.name.isdigit() else -1
-        file = next((fold.file for fold in self.folds if fold.first <= number <= fold.last), SCENE_FILE)
-        return compute_scene_scores(frame.color, _network(self.folder / file))
+        return compute_scene_scores(frame.color, self.network(frame.name))
 
 
 @lru_cache(maxsize=8)

@@ -8,6 +8,7 @@ convolutions. The trained network is exported to ONNX and run by `core.scene_net
 from __future__ import annotations
 
 import io
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -171,15 +172,17 @@ def load_backbone(model: SceneModel, path: Path) -> None:
 def export_onnx(model: SceneModel) -> NDArray[np.uint8]:
     """(n,) uint8 bytes of the network as an ONNX file with a fixed input."""
     buffer = io.BytesIO()
-    torch.onnx.export(
-        model.eval(),
-        (torch.zeros(1, 3, INPUT_HEIGHT, INPUT_WIDTH),),
-        buffer,
-        dynamo=False,
-        opset_version=_ONNX_OPSET,
-        input_names=["color"],
-        output_names=["scores"],
-    )
+    with warnings.catch_warnings():  # the newer exporter writes what OpenCV does not read
+        warnings.simplefilter("ignore")
+        torch.onnx.export(
+            model.eval(),
+            (torch.zeros(1, 3, INPUT_HEIGHT, INPUT_WIDTH),),
+            buffer,
+            dynamo=False,
+            opset_version=_ONNX_OPSET,
+            input_names=["color"],
+            output_names=["scores"],
+        )
     return round_weights(np.frombuffer(buffer.getvalue(), np.uint8))
 
 

