@@ -27,6 +27,7 @@ from room_layout_ros.core.conclusion import refine_cuboid
 from room_layout_ros.core.config import EstimatorConfig, parameters
 from room_layout_ros.core.depth import DepthGeometry, compute_depth_geometry
 from room_layout_ros.core.depth_estimator import estimate_from_depth
+from room_layout_ros.core.evidence.features import add_scene
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.frame_evidence import classify_superpixels, describe_superpixels, gather_hypotheses
 from room_layout_ros.core.joint import estimate_joint
@@ -246,10 +247,11 @@ def _prepare(frame: RgbdFrame, config: EstimatorConfig, lines_in_axes: bool) -> 
     superpixels = compute_superpixels(frame.color, inverse_depth, config)
     looks = config.scene_network and uses(config.joint_variant, "layout_scene")
     scores = compute_scene_scores(frame.color, load_scene_network() if looks else None)
-    scene = None if scores is None else pool_scene(scores, superpixels.index, superpixels.count)
+    scene = pool_scene(scores, superpixels.index, superpixels.count)
     features, orientation = describe_superpixels(
-        superpixels, frame.color, inverse_depth, axes, frame.camera, segments, scene, config.joint_variant
+        superpixels, frame.color, inverse_depth, axes, frame.camera, segments, config.joint_variant
     )
+    features = add_scene(features, scene)
     forest = load_models(geometry is not None, scene is not None).context
     context = classify_superpixels(features, forest, config.joint_variant)
     return Stages(geometry, axes, superpixels, context, orientation, scores, scene, 1e3 * (time.thread_time() - start))

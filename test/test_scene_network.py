@@ -100,12 +100,14 @@ def test_threads_get_the_same_scores_as_one(network: SceneNetwork) -> None:
 def test_without_colour_or_network_nothing_is_said(network: SceneNetwork) -> None:
     assert compute_scene_scores(None, network) is None
     assert compute_scene_scores(np.zeros((4, 4, 3), np.uint8), None) is None
+    assert pool_scene(None, np.zeros((4, 4), np.int32), 1) is None
 
 
 def test_pooling_equals_averaging_pixel_by_pixel(rng: np.random.Generator) -> None:
     scores = SceneScores(rng.standard_normal((N_SCORES, ROWS, COLUMNS)).astype(np.float32))
     index = (np.add.outer(np.arange(90) // 30 * 4, np.arange(120) // 30)).astype(np.int32)
     scene = pool_scene(scores, index, 12)
+    assert scene is not None
     for k in range(12):
         pixels = [(y, x) for y in range(1, 90, 2) for x in range(1, 120, 4) if index[y, x] == k]
         mean = np.mean([scores.values[:, y * ROWS // 90, x * COLUMNS // 120] for y, x in pixels], axis=0)

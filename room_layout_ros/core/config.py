@@ -131,7 +131,7 @@ class EstimatorConfig:
         0.15, "visible surface that makes a thing an obstacle, as a share of a cell's square", "", 0.0, 1.0
     )
     obstacle_margin_m: float = _p(0.10, "cells this near before an obstacle are not called free", "m", 0.0, 1.0)
-    free_min_seen: float = _p(0.4, "share of a cell's floor that must be seen to call it free", "", 0.05, 1.0)
+    free_min_seen: float = _p(0.5, "share of a cell's floor that must be seen to call it free", "", 0.05, 1.0)
     free_beyond_walls: bool = _p(False, "floor seen beyond a wall of the room (open door) may be free")
     scan_beams: int = _p(160, "beams of the scan across the field of view", "", 8, 4000)
     cloud_step: int = _p(2, "one in so many pixels per row and column enters the obstacle and floor clouds", "", 1, 16)

@@ -11,6 +11,7 @@ from .config import EstimatorConfig
 from .depth import compute_depth_geometry
 from .depth_estimator import estimate_from_depth
 from .estimate import RoomEstimate, Status, no_estimate
+from .evidence.features import add_scene
 from .frame import RgbdFrame
 from .frame_evidence import classify_superpixels, describe_superpixels, gather_hypotheses
 from .furniture import find_furniture
@@ -74,24 +75,23 @@ class LayoutEstimator:
             return no_estimate(Status.NO_DEPTH, frame, run.timings_ms)
         inverse_depth = None if geometry is None else geometry.inverse_depth
 
-        with (
-            run.beside("scene", compute_scene_scores, color, self.network) as scores_found,
-            run.beside("superpixels", compute_superpixels, color, inverse_depth, config) as superpixels_found,
-        ):
-            segments = None if color is None else run("lines", compute_line_segments, color, config)
-            axes = run("axes", find_axes, geometry, segments, camera, config, prior or TemporalPrior())
-        if axes is None:
-            return no_estimate(Status.NO_ROOM, frame, run.timings_ms)
-        superpixels, scores = superpixels_found(), scores_found()
-        if config.method == "depth" and geometry is not None:
-            return run("layout", estimate_from_depth, frame, geometry, axes, superpixels, run.timings_ms)
-
         metric, variant = geometry is not None, config.joint_variant
+        with run.beside("scene", compute_scene_scores, color, self.network) as scores_found:
+            with run.beside("superpixels", compute_superpixels, color, inverse_depth, config) as superpixels_found:
+                segments = None if color is None else run("lines", compute_line_segments, color, config)
+                axes = run("axes", find_axes, geometry, segments, camera, config, prior or TemporalPrior())
+            if axes is None:
+                return no_estimate(Status.NO_ROOM, frame, run.timings_ms)
+            superpixels = superpixels_found()
+            if config.method == "depth" and geometry is not None:
+                return run("layout", estimate_from_depth, frame, geometry, axes, superpixels, run.timings_ms)
+            features, orientation = run(
+                "features", describe_superpixels, superpixels, color, inverse_depth, axes, camera, segments, variant
+            )
+        scores = scores_found()
         models = self.models[metric, scores is not None]
-        scene = None if scores is None else run("pooling", pool_scene, scores, superpixels.index, superpixels.count)
-        features, orientation = run(
-            "features", describe_superpixels, superpixels, color, inverse_depth, axes, camera, segments, scene, variant
-        )
+        scene = run("pooling", pool_scene, scores, superpixels.index, superpixels.count)
+        features = add_scene(features, scene)
         context = run("context", classify_superpixels, features, models.context, variant)
         count = config.axes_hypotheses if metric else config.axes_hypotheses_rgb
         evidence = run(

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from .config import EstimatorConfig
 from .depth import DepthGeometry
+from .depth_holes import BRIDGED, MEASURED
 from .floor_plane import BAND_M, FloorFit, tile_offset
 
 NOTHING, FLOOR_PIXEL, OBSTACLE_PIXEL, WALL_PIXEL, HOLE_PIXEL, BEYOND_PIXEL = range(6)
@@ -26,6 +27,11 @@ _ON_WALL_SIGMAS = 3.0
 _NEXT_TO_M = 0.02
 _FAR_M = 3.0
 _NEAR_GAIN = 1.5
+_LOW = 3.0
+"""A thing is low up to this many thresholds: its pixels raise the mean height of the cells behind their foot."""
+
+_BETWEEN_PIXELS = 1.5
+_MAX_BETWEEN_M = 0.10
 _PER_METRE, _STEPS = 50.0, 700
 _RIPPLE_ROWS = 4
 
@@ -38,12 +44,15 @@ class FloorCells:
     ----------
     resolution_m, origin_m : side of a cell; x and y of the lower corner of cell (0, 0).
     seen : (rows, cols) float32 floor seen, as a share of the cell's area.
-    height_m : (rows, cols) float32 mean height of its floor pixels, NaN without any.
-    floor_pixels, obstacle_pixels : (rows, cols) int32 counts.
+    height_m : (rows, cols) float32 mean height of the pixels of floor and of low things whose ray meets the floor
+        there, NaN without any. floor_pixels : (rows, cols) int32 their number. obstacle_pixels : (rows, cols) int32.
     obstacle : (rows, cols) float32 visible surface of things, as a share of the cell's area.
     touched : (rows, cols) float32 the same, of things in the cell or within `_NEXT_TO_M` beside it.
     nearest_m : (rows, cols) float32 distance of the nearest thing in the cell from below the camera, inf without.
+    farthest_m : (rows, cols) float32 how far the farthest may reach, -inf without.
     hole : (rows, cols) float32 floor that is missing, as a share of the cell's area.
+    bridged, gap : (rows, cols) float32 floor behind pixels without depth, as a share of the cell's area: floor by the
+        picture; not known.
     kind : (H, W) uint8 kind of each pixel. cell : (H, W) int32 flat index of the cell it counts in, -1 outside.
     """
 
@@ -56,7 +65,10 @@ class FloorCells:
     obstacle: NDArray[np.float32]
     touched: NDArray[np.float32]
     nearest_m: NDArray[np.float32]
+    farthest_m: NDArray[np.float32]
     hole: NDArray[np.float32]
+    bridged: NDArray[np.float32]
+    gap: NDArray[np.float32]
     kind: NDArray[np.uint8]
     cell: NDArray[np.int32]
 
@@ -70,6 +82,7 @@ class FloorCells:
 
 def sum_floor_cells(
     geometry: DepthGeometry,
+    hole_kind: NDArray[np.uint8],
     fit: FloorFit,
     T_camera_floor: NDArray[np.float64],
     walls: NDArray[np.float64],
@@ -80,6 +93,8 @@ def sum_floor_cells(
     Parameters
     ----------
     geometry : DepthGeometry
+        With the holes in things filled.
+    hole_kind : (H, W) uint8 of `close_holes`.
     fit : FloorFit
     T_camera_floor : (4, 4) float64, `floor_frame` of the fit.
     walls : (n, 4) float64 of `walls_on_floor`; what lies on them is wall, what lies beyond does not count.
@@ -88,15 +103,17 @@ def sum_floor_cells(
     cols, rows = round(config.free_space_forward_m / size), 2 * round(config.free_space_side_m / size)
     origin = (0.0, -0.5 * rows * size)
     c = geometry.camera
-    seen, total, floor, things, surface, touched, nearest, hole, kind, cell = _sum_cells(
-        geometry.inverse_depth, (c.fx, c.fy, c.cx, c.cy), T_camera_floor,
+    seen, total, floor, things, surface, touched, nearest, farthest, hole, bridged, gap, kind, cell = _sum_cells(
+        geometry.inverse_depth, hole_kind, (c.fx, c.fy, c.cx, c.cy), T_camera_floor,
         (fit.distance_m, fit.sigma_m, fit.offset_m), walls,
         (origin[0], origin[1], size), (rows, cols),
         (config.obstacle_min_height_m, config.obstacle_noise_factor, config.robot_height_m),
     )  # fmt: skip
     with np.errstate(invalid="ignore"):
         height = (total / floor).astype(np.float32)
-    return FloorCells(size, origin, seen, height, floor, things, surface, touched, nearest, hole, kind, cell)
+    return FloorCells(
+        size, origin, seen, height, floor, things, surface, touched, nearest, farthest, hole, bridged, gap, kind, cell
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -114,7 +131,7 @@ def _touching(place, reach):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _sum_cells(inverse, intrinsics, T, fit, walls, corner, shape, limits):  # type: ignore[no-untyped-def]
+def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, limits):  # type: ignore[no-untyped-def]
     fx, fy, cx, cy = intrinsics
     distance, sigma, offset = fit
     x0, y0, size = corner
@@ -128,7 +145,10 @@ def _sum_cells(inverse, intrinsics, T, fit, walls, corner, shape, limits):  # ty
     surface = np.zeros((rows, cols), np.float32)
     touched = np.zeros((rows, cols), np.float32)
     nearest = np.full((rows, cols), np.inf, np.float32)
+    farthest = np.full((rows, cols), -np.inf, np.float32)
     hole = np.zeros((rows, cols), np.float32)
+    bridged = np.zeros((rows, cols), np.float32)
+    gap = np.zeros((rows, cols), np.float32)
     kind = np.zeros((height, width), np.uint8)
     cell = np.full((height, width), -1, np.int32)
     per_pixel = 1.0 / (fx * fy * size * size)
@@ -152,9 +172,18 @@ def _sum_cells(inverse, intrinsics, T, fit, walls, corner, shape, limits):  # ty
                 ripple[u] = tile_offset(offset, u, v)
         for u in range(width):
             w = inverse[v, u]
+            az = az0 + az1 * u
+            if hole_kind[v, u] != MEASURED and az < -1e-3:
+                z = -distance / az
+                i = int(np.floor(((ay0 + ay1 * u) * z - y0) * per_metre))
+                j = int(np.floor(((ax0 + ax1 * u) * z - x0) * per_metre))
+                if 0 <= i < rows and 0 <= j < cols:
+                    if hole_kind[v, u] == BRIDGED:
+                        bridged[i, j] += per_pixel * z * z * z / distance
+                    else:
+                        gap[i, j] += per_pixel * z * z * z / distance
             if w <= 0.0:
                 continue
-            az = az0 + az1 * u
             z = 1.0 / w
             h = distance + az * z - ripple[u]
             if h > highest:
@@ -167,11 +196,11 @@ def _sum_cells(inverse, intrinsics, T, fit, walls, corner, shape, limits):  # ty
                 what = OBSTACLE_PIXEL
                 tolerance = _ON_WALL_M + _ON_WALL_SIGMAS * noise * z / distance
                 for k in range(len(walls)):
-                    gap = walls[k, 2] - walls[k, 0] * x - walls[k, 1] * y
-                    if gap < -tolerance:
+                    before = walls[k, 2] - walls[k, 0] * x - walls[k, 1] * y
+                    if before < -tolerance:
                         what = BEYOND_PIXEL
                         break
-                    if gap < tolerance:
+                    if before < tolerance:
                         what = WALL_PIXEL
             else:
                 if az > -1e-3:
@@ -199,5 +228,16 @@ def _sum_cells(inverse, intrinsics, T, fit, walls, corner, shape, limits):  # ty
                     for n in range(first_j, last_j + 1):
                         if 0 <= m < rows and 0 <= n < cols:
                             touched[m, n] += per_pixel * z * z
-                nearest[i, j] = min(nearest[i, j], np.sqrt(x * x + y * y))
-    return seen, total, floor, things, surface, touched, nearest, hole, kind, cell
+                r = np.sqrt(x * x + y * y)
+                nearest[i, j] = min(nearest[i, j], r)
+                # the next row of a level surface that is seen flat may be centimetres behind this one
+                between = _BETWEEN_PIXELS * z * z / (fy * max(distance - h, 0.05))
+                farthest[i, j] = max(farthest[i, j], r + min(between, _MAX_BETWEEN_M))
+                if az < -1e-3 and h < _LOW * threshold:
+                    z = -distance / az
+                    i = int(np.floor((ay * z - y0) * per_metre))
+                    j = int(np.floor((ax * z - x0) * per_metre))
+                    if 0 <= i < rows and 0 <= j < cols:
+                        total[i, j] += h
+                        floor[i, j] += 1
+    return seen, total, floor, things, surface, touched, nearest, farthest, hole, bridged, gap, kind, cell

@@ -29,7 +29,6 @@ def describe_superpixels(
     axes: ManhattanFrame,
     camera: CameraIntrinsics,
     segments: LineSegments | None,
-    scene: SuperpixelScene | None,
     variant: str = "full",
 ) -> tuple[SuperpixelFeatures, NDArray[np.uint8] | None]:
     """Features of the superpixels under the first naming of the axes, and the orientation map they use.
@@ -53,7 +52,7 @@ def describe_superpixels(
         if uses(variant, "layout_om"):
             orientation = compute_orientation_map(segments, line_class, R, camera)
     features = compute_superpixel_features(
-        superpixels, color, inverse_depth, R, camera, segments, line_class, orientation, scene
+        superpixels, color, inverse_depth, R, camera, segments, line_class, orientation
     )
     return features, orientation
 

@@ -130,13 +130,15 @@ def normalize_color(color: NDArray[np.uint8]) -> NDArray[np.float32]:
     return np.ascontiguousarray((np.moveaxis(color, -1, 0).astype(np.float32) - _MEAN) / _SPREAD)
 
 
-def pool_scene(scores: SceneScores, index: NDArray[np.int32], count: int) -> SuperpixelScene:
-    """Average the scores over superpixels and turn them into probabilities.
+def pool_scene(scores: SceneScores | None, index: NDArray[np.int32], count: int) -> SuperpixelScene | None:
+    """Average the scores over superpixels and turn them into probabilities; None without scores.
 
     Parameters
     ----------
     index : (H, W) int32 superpixel of each pixel, 0..count-1.
     """
+    if scores is None:
+        return None
     values = np.ascontiguousarray(scores.values.reshape(N_SCORES, -1).T)
     mean = _pool(values, index, count, ROWS, COLUMNS)
     labels, layout, classes = np.split(mean, (N_LABELS, N_LABELS + N_FACES), axis=1)

@@ -15,6 +15,7 @@ from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.evidence import pictures as evidence_pictures
 from room_layout_ros.core.evidence.depth_cues import compute_depth_cues
+from room_layout_ros.core.evidence.features import add_scene
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.frame_evidence import classify_superpixels, describe_superpixels
 from room_layout_ros.core.joint_problem import FrameEvidence, build_joint_problem
@@ -73,10 +74,11 @@ def look_at(frame: RgbdFrame, estimator: LayoutEstimator) -> Look:
         return Look(frame, estimate)
     superpixels = compute_superpixels(color, inverse_depth, config)
     scores = compute_scene_scores(color, estimator.network)
-    scene = None if scores is None else pool_scene(scores, superpixels.index, superpixels.count)
+    scene = pool_scene(scores, superpixels.index, superpixels.count)
     features, orientation = describe_superpixels(
-        superpixels, color, inverse_depth, axes, camera, segments, scene, config.joint_variant
+        superpixels, color, inverse_depth, axes, camera, segments, config.joint_variant
     )
+    features = add_scene(features, scene)
     forest = estimator.models[geometry is not None, scene is not None].context
     context = classify_superpixels(features, forest, config.joint_variant)
     line_class = None if segments is None else classify_segments(segments, axes.R_room_camera, camera)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.config import EstimatorConfig
 from ..core.depth import compute_depth_geometry
-from ..core.evidence.features import SuperpixelFeatures, compute_superpixel_features
+from ..core.evidence.features import SuperpixelFeatures, add_scene, compute_superpixel_features
 from ..core.evidence.orientation_map import compute_orientation_map
 from ..core.frame import RgbdFrame
 from ..core.labels import STRUCTURE_NYU40 as STRUCTURE
@@ -169,8 +169,9 @@ def describe_frame(
     line_class = classify_segments(segments, R, frame.camera)
     orientation = compute_orientation_map(segments, line_class, R, frame.camera)
     scores = None if networks is None or color is None else networks.look(frame)
-    scene = None if scores is None else pool_scene(scores, superpixels.index, superpixels.count)
+    scene = pool_scene(scores, superpixels.index, superpixels.count)
     features = compute_superpixel_features(
-        superpixels, color, inverse, R, frame.camera, segments, line_class, orientation, scene
+        superpixels, color, inverse, R, frame.camera, segments, line_class, orientation
     )
+    features = add_scene(features, scene)
     return superpixels, R, features

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..core.config import EstimatorConfig
 from ..core.depth import DepthGeometry, compute_depth_geometry
 from ..core.energies import ExtraCosts, JointProblem, joint_features
-from ..core.evidence.features import SuperpixelFeatures
+from ..core.evidence.features import SuperpixelFeatures, add_scene
 from ..core.frame import CameraIntrinsics, RgbdFrame
 from ..core.frame_evidence import describe_superpixels, gather_hypotheses
 from ..core.integral_geometry import pair_tables
@@ -82,8 +82,9 @@ def describe(
     inverse = None if geometry is None else geometry.inverse_depth
     superpixels = compute_superpixels(color, inverse, config)
     scores = None if networks is None or color is None else networks.look(frame)
-    scene = None if scores is None else pool_scene(scores, superpixels.index, superpixels.count)
-    features, orientation = describe_superpixels(superpixels, color, inverse, axes, frame.camera, segments, scene)
+    scene = pool_scene(scores, superpixels.index, superpixels.count)
+    features, orientation = describe_superpixels(superpixels, color, inverse, axes, frame.camera, segments)
+    features = add_scene(features, scene)
     return FrameDescription(
         frame.name, frame.camera, superpixels, geometry, axes, orientation, features, cuboid, labels40, scene
     )

@@ -52,7 +52,6 @@ def compute_superpixel_features(
     segments: LineSegments | None = None,
     line_class: NDArray[np.int8] | None = None,
     orientation: NDArray[np.uint8] | None = None,
-    scene: SuperpixelScene | None = None,
 ) -> SuperpixelFeatures:
     """Compute all features that the inputs allow.
 
@@ -67,13 +66,11 @@ def compute_superpixel_features(
     segments, line_class : LineSegments, (n,) int8, optional
     orientation : (H, W) uint8, optional
         `compute_orientation_map`.
-    scene : SuperpixelScene, optional
-        What the scene network says.
 
     Returns
     -------
     SuperpixelFeatures
-        The columns depend only on whether there is depth and a scene network, in a fixed order.
+        The columns depend only on whether there is depth, in a fixed order.
     """
     sums, bounds = ps.sum_pixels(
         superpixels.index, superpixels.count, color, inverse_depth, orientation, R_room_camera, camera
@@ -86,9 +83,16 @@ def compute_superpixel_features(
         columns |= _depth(superpixels, sums, bounds, extents, R_room_camera, camera)
     _add_surroundings(columns, superpixels)
     columns |= look_around(columns, camera.height / camera.width)
-    if scene is not None:
-        columns |= _scene(scene)
     return SuperpixelFeatures(np.stack(list(columns.values()), axis=1).astype(np.float32), tuple(columns))
+
+
+def add_scene(features: SuperpixelFeatures, scene: SuperpixelScene | None) -> SuperpixelFeatures:
+    """Append what the scene network says about each superpixel; the features as they are without one."""
+    if scene is None:
+        return features
+    columns = _scene(scene)
+    added = np.stack(list(columns.values()), axis=1).astype(np.float32)
+    return SuperpixelFeatures(np.concatenate([features.values, added], axis=1), (*features.names, *columns))
 
 
 def _position(
