@@ -30,11 +30,13 @@ from room_layout_ros.core.forest import Forest
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.lines import LineSegments, classify_segments
+from room_layout_ros.core.models import config_folder, model_file
 from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
 from room_layout_ros.core.vanishing_points import _rotation
 from room_layout_ros.core.weights import WeightsError
 from room_layout_ros.datasets.folder import open_folder
 from room_layout_ros.learning.context_table import describe_frame
+from room_layout_ros.learning.scene_folds import SceneFolds
 
 CAMERA = CameraIntrinsics(160, 120, 130.0, 130.0, 80.0, 60.0)
 CONFIG = EstimatorConfig(superpixel_count=60)
@@ -188,11 +190,14 @@ def test_looking_around_finds_the_superpixel_at_the_offset() -> None:
     assert np.allclose((y - found["above_gradient"])[inside], 0.1 / 0.75)
 
 
-@pytest.mark.parametrize(("model", "depth", "limit"), [("rgbd", True, 0.13), ("rgb", False, 0.28)])
+@pytest.mark.parametrize(
+    ("scene", "depth", "limit"), [(True, True, 0.10), (True, False, 0.15), (False, True, 0.13), (False, False, 0.28)]
+)
 def test_shipped_context_tells_structure_from_clutter_on_frames_never_trained_on(
-    data_root: Path, repository: Path, model: str, depth: bool, limit: float
+    data_root: Path, scene: bool, depth: bool, limit: float
 ) -> None:
-    context_model = load_context(repository / "config" / f"context_{model}.npz")
+    context_model = load_context(config_folder() / model_file("context", depth, scene))
+    networks = SceneFolds(config_folder()) if scene else None
     names = json.loads((data_root / "nyuv2" / "splits.json").read_text())["layout_dev"][::4]
     folder = open_folder(data_root / "nyuv2")
     errors = []
@@ -200,13 +205,13 @@ def test_shipped_context_tells_structure_from_clutter_on_frames_never_trained_on
         sample = folder.read(f"{name:04d}")
         assert sample.truth is not None
         assert sample.truth.labels is not None
-        described = describe_frame(sample.frame, EstimatorConfig(use_depth=depth))
+        described = describe_frame(sample.frame, EstimatorConfig(use_depth=depth), networks)
         assert described is not None
         superpixels, _, features = described
         clutter = compute_geometric_context(features, context_model).argmax(axis=1)[superpixels.index] == 5
         known = sample.truth.labels > 0
         errors.append((clutter != (sample.truth.labels == 6))[known].mean())
-    assert np.mean(errors) < limit
+    assert np.mean(errors) < limit, np.mean(errors)
 
 
 def _model(names: tuple[str, ...]) -> ContextModel:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .room_cells import RoomCells
 
-COSTS = np.array([1.5, 0.8, 0.12, 0.004, 0.10, 0.025, 0.7, 0.0, 0.3, 0.1])
+COSTS = np.array([1.5, 0.8, 0.12, 0.004, 0.10, 0.025, 0.7, 0.0, 0.15, 0.05])
 """Wrong kind of face (also: no face), clutter beyond, clutter apart per metre (to 1 m), each face in use, tolerance
 in m and per metre, factor for wall beyond (windows, doors and mirrors show what is behind), wall of another name (depth
 decides better); by the scene network's layout: another kind of face, wall of another name. Unit: a wall cell that is
