@@ -98,7 +98,9 @@ def variants() -> list[Variant]:
     models = next(p for p in parameters() if p.name == "joint_variant").choices
     return [
         Variant("full model"),
+        Variant("no scene network (own learned models)", replace(plain, scene_network=False)),
         Variant("RGB only (own learned weights)", rgb),
+        Variant("RGB only, no scene network (own learned models)", replace(rgb, scene_network=False)),
         Variant("RGB only, weights set by hand", rgb, by_hand=True),
         Variant("RGB only, no refinement", rgb, refined=False),
         Variant("RGB only, by hand, no refinement", rgb, by_hand=True, refined=False),
