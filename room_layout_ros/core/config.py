@@ -77,7 +77,7 @@ class EstimatorConfig:
     )
     scene_network: bool = _p(True, "look at the colour image with the convolutional network, the most accurate way")
     axes_hypotheses: int = _p(2, "namings and triples of the axes that the joint energy chooses from", "", 1, 8)
-    axes_hypotheses_rgb: int = _p(1, "the same without depth, where the energy tells namings apart less well", "", 1, 8)
+    axes_hypotheses_rgb: int = _p(2, "the same without depth", "", 1, 8)
     min_depth_m: float = _p(0.2, "nearer measurements are ignored", "m", 0.0, 5.0)
     max_depth_m: float = _p(12.0, "farther measurements are ignored", "m", 1.0, 100.0)
     min_valid_depth: float = _p(0.02, "below this share of measured pixels the status is NO_DEPTH", "", 0.0, 1.0)
