@@ -1,4 +1,4 @@
-"""Width of the floor of the real corridor (2.15 m): the distance between left and right wall at floor level."""
+"""Width of the floor of the real corridor (2.15 m), of all frames that show the foot of both walls."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.freespace import compute_free_space
 from room_layout_ros.datasets import good_samples, open_folder
-from room_layout_ros.evaluation.free_space import floor_width
+from room_layout_ros.evaluation.floor_width import floor_width
 
 WIDTH_M = 2.15
 TOLERANCE_M = 0.10
@@ -27,22 +27,30 @@ def width_of(estimator: LayoutEstimator, frame: RgbdFrame) -> float:
     if geometry is None:
         return float("nan")
     estimate = estimator.estimate(frame)
-    return floor_width(estimate, compute_free_space(geometry, estimate, estimator.config))
+    return floor_width(geometry, compute_free_space(geometry, estimate, estimator.config, color=frame.color))
+
+
+def is_in_view(frame: int) -> bool:
+    """Whether the frame shows the foot of both walls."""
+    return any(first <= frame <= last for first, last in IN_VIEW)
+
+
+def is_right(width_m: float) -> bool:
+    """Whether a width is within the tolerance; a missing one (NaN) is not."""
+    return bool(abs(width_m - WIDTH_M) <= TOLERANCE_M)
 
 
 def report(widths: dict[int, float]) -> str:
-    """Return the table; `widths` by frame number."""
-    in_view = np.array([w for i, w in widths.items() if any(a <= i <= b for a, b in IN_VIEW)])
-    every = np.array(list(widths.values()))
-    lines = [f"{'':<44}{'frames':>7}{'with both walls':>17}{'within 10 cm':>14}{'% of them':>11}{'median m':>10}"]
-    for title, w in (("both feet in the picture (by eye)", in_view), ("all frames", every)):
-        both = np.isfinite(w)
-        good = int((np.abs(w[both] - WIDTH_M) <= TOLERANCE_M).sum())
-        share, middle = (100.0 * good / both.sum(), np.median(w[both])) if both.any() else (np.nan, np.nan)
-        lines.append(f"{title:<44}{len(w):>7}{int(both.sum()):>17}{good:>14}{share:>11.1f}{middle:>10.3f}")
-    wrong = [f"{i}: {w:.2f}" for i, w in sorted(widths.items()) if abs(w - WIDTH_M) > TOLERANCE_M]
-    missing = [str(i) for i, w in sorted(widths.items()) if not np.isfinite(w) and any(a <= i <= b for a, b in IN_VIEW)]
-    return "\n".join([*lines, f"off: {', '.join(wrong) or 'none'}", f"a wall missing: {', '.join(missing) or 'none'}"])
+    """Return the table; `widths` by frame number. A frame without a width counts as wrong."""
+    lines = [f"{'':<36}{'frames':>7}{'with a width':>14}{'within 10 cm':>14}{'% of frames':>13}{'median m':>10}"]
+    in_view = {i: w for i, w in widths.items() if is_in_view(i)}
+    for title, chosen in (("both feet in the picture (by eye)", in_view), ("all frames", widths)):
+        known = [w for w in chosen.values() if np.isfinite(w)]
+        good = sum(is_right(w) for w in chosen.values())
+        share, middle = 100.0 * good / max(len(chosen), 1), np.median(known) if known else np.nan
+        lines.append(f"{title:<36}{len(chosen):>7}{len(known):>14}{good:>14}{share:>13.1f}{middle:>10.3f}")
+    wrong = [f"{i}: {w:.3f}" for i, w in sorted(in_view.items()) if not is_right(w)]
+    return "\n".join([*lines, f"wrong with both feet in the picture: {', '.join(wrong) or 'none'}"])
 
 
 def main(step: int = 1) -> int:

@@ -35,7 +35,7 @@ class Scene:
         """Free space of the frame; None without depth or floor."""
         if self.geometry is None:
             return None
-        return compute_free_space(self.geometry, self.estimate, self.estimator, self.floor)
+        return compute_free_space(self.geometry, self.estimate, self.estimator, self.floor, self.frame.color)
 
     @cached_property
     def objects(self) -> tuple[ObjectCuboid, ...]:

@@ -13,6 +13,9 @@ _MIN_HIDDEN = 4
 _COVER_M = (0.08, 0.6)
 """What stands this far before the space above a cell hides what may hang there."""
 
+_CUT_M = -0.15
+"""At the side of the picture also what stands this little behind it."""
+
 
 def hide_overhung(
     grid: NDArray[np.int8],
@@ -66,11 +69,12 @@ def _is_covered(x, y, inverse, intrinsics, T, robot_height):  # type: ignore[no-
             continue
         u = int(np.rint((T[0, 0] * x + T[0, 1] * y + T[0, 2] * h + T[0, 3]) / z * fx + cx))
         v = int(np.rint((T[1, 0] * x + T[1, 1] * y + T[1, 2] * h + T[1, 3]) / z * fy + cy))
-        if u < 0 or v < 0 or u >= width or v >= height:
-            continue
-        if inverse[v, u] <= 0.0:
+        # What the side of the picture cuts off goes on beyond it, and may be the thing right here.
+        cut = u < 0 or u >= width
+        u = min(max(u, 0), width - 1)
+        if v < 0 or v >= height or inverse[v, u] <= 0.0:
             continue
         before = z - 1.0 / inverse[v, u]
-        if before > _COVER_M[0] and before < _COVER_M[1]:
+        if before > (_CUT_M if cut else _COVER_M[0]) and before < _COVER_M[1]:
             hidden += 1
     return hidden >= _MIN_HIDDEN

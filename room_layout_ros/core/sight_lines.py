@@ -34,7 +34,8 @@ def in_line_of_sight(grid: NDArray[np.int8], corner: tuple[float, float, float])
     low, high = _beam(bearing - half), _beam(bearing + half)
     for k in np.argsort(-range_m):  # the nearest is written last
         first[low[k] : high[k] + 1] = range_m[k]
-    cell_range_m, cell_bearing = _polar(*np.indices(grid.shape), corner)
+    index = np.indices(grid.shape)
+    cell_range_m, cell_bearing = _polar(index[0], index[1], corner)
     return np.asarray(cell_range_m < first[_beam(cell_bearing)] - _BLUR_CELLS * size)
 
 

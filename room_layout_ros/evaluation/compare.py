@@ -53,7 +53,9 @@ class EstimatorMethod:
         if self.rgb_only or sample.truth is None or sample.truth.floor_map is None:
             return None
         geometry = compute_depth_geometry(sample.frame, self.config)
-        found = None if geometry is None else compute_free_space(geometry, estimate, self.config)
+        if geometry is None:
+            return called_free(None, sample.truth.floor_map)
+        found = compute_free_space(geometry, estimate, self.config, color=sample.frame.color)
         return called_free(found, sample.truth.floor_map)
 
 

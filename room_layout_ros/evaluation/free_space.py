@@ -3,21 +3,34 @@
 The truth is made of two exact things: which cells are occupied (`floor_map` of the scene, walls and outside included)
 and which part of a cell's floor is in sight (samples of the cell against the depth without noise). A cell is truly free
 where nothing stands in it and at least half of it is in sight. "In front of" is along the ray from the camera's foot.
+Things of which the picture shows not one pixel are counted apart: a single frame cannot know of them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from room_layout_ros.core.estimate import RoomEstimate
+from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, FreeSpace
 from room_layout_ros.datasets.sample import Sample
-from room_layout_ros.datasets.synthetic import SyntheticRoom, camera_pose, floor_map, random_scene
+from room_layout_ros.datasets.synthetic import (
+    KINECT,
+    NOISES,
+    SyntheticRoom,
+    camera_pose,
+    floor_map,
+    random_pose,
+    random_scene,
+    render,
+    walk,
+)
 from room_layout_ros.datasets.synthetic.floor import is_free
+from room_layout_ros.datasets.synthetic.raster import camera_rectangles, cast
 from room_layout_ros.datasets.synthetic.shapes import Material, Solid
 
 NEAR_M = 4.0
@@ -30,6 +43,7 @@ CHECKED_M = (1.0, 3.0)
 OBSTACLE_M = 0.05
 """Height from which on a thing is an obstacle in that check."""
 
+_FURNISHED: dict[str, Any] = {"small_objects": 12, "furniture": 0.6}
 _SAMPLES = 5
 _FINE_M = 0.01
 _FLAT_M = 0.02
@@ -45,8 +59,9 @@ class TrueFreeSpace:
     occupied : (rows, cols) bool, something stands in the cell, or it is not all inside the room.
     in_sight : (rows, cols) float64 share of its floor that the camera sees.
     measured : (rows, cols) float64 share of its floor that the camera sees and has a depth for.
-    near_obstacle : (rows, cols) bool, an obstacle of `OBSTACLE_M` stands in the cell or within `MARGIN_M` behind its
-        centre, at `CHECKED_M`.
+    near_obstacle : (rows, cols) bool, an obstacle of `OBSTACLE_M` of which the picture shows something stands in the
+        cell or within `MARGIN_M` behind its centre, at `CHECKED_M`.
+    near_unseen : (rows, cols) bool, the same of things of which not one pixel is in the picture.
     near_anything : (rows, cols) bool, an occupied place is within `MARGIN_M` behind its centre.
     range_m : (rows, cols) float64 distance of the centre.
     """
@@ -55,6 +70,7 @@ class TrueFreeSpace:
     in_sight: NDArray[np.float64]
     measured: NDArray[np.float64]
     near_obstacle: NDArray[np.bool_]
+    near_unseen: NDArray[np.bool_]
     near_anything: NDArray[np.bool_]
     range_m: NDArray[np.float64]
 
@@ -68,7 +84,8 @@ class FreeSpaceScore:
     pool, pool_plain, pool_measured : (2,) cells in the intersection and in the union of the free cells within `NEAR_M`:
         with the margin in front of things taken out of the truth too; without; with, and cells without depth left out.
     false_free : cells called free that are occupied or out of the room. too_near : cells called free within
-        `MARGIN_M` in front of an obstacle of `OBSTACLE_M` at `CHECKED_M`. free : cells called free.
+        `MARGIN_M` in front of an obstacle of `OBSTACLE_M` at `CHECKED_M`; too_near_unseen : before things of which
+        the picture shows nothing. free : cells called free.
     """
 
     pool: tuple[int, int]
@@ -76,6 +93,7 @@ class FreeSpaceScore:
     pool_measured: tuple[int, int]
     false_free: int
     too_near: int
+    too_near_unseen: int
     free: int
 
     @property
@@ -115,18 +133,39 @@ def true_free_space(
     if sample.T_world_camera is None or sample.truth is None or sample.truth.depth_m is None:
         raise ValueError(f"sample {sample.name} has no pose or no true depth; a rendered sample is needed")
     pose = sample.T_world_camera
-    own = floor_map(room, pose, resolution_m, (0.0, forward_m), (-side_m, side_m))
-    occupied, own_height = _ros_order(own.cells) > 0, _ros_order(own.height_m)
-    fine = floor_map(room, pose, _FINE_M, (0.0, forward_m + 0.2), (-side_m - 0.2, side_m + 0.2))
-    height = _ros_order(fine.height_m)
+    occupied = _ros_order(floor_map(room, pose, resolution_m, (0.0, forward_m), (-side_m, side_m)).cells) > 0
     rows, cols = occupied.shape
     x = (np.arange(cols) + 0.5)[None, :] * resolution_m + np.zeros((rows, 1))
     y = (np.arange(rows) + 0.5)[:, None] * resolution_m - side_m + np.zeros((1, cols))
     in_sight, measured = floor_in_sight(sample, pose, x, y, resolution_m)
+    near = [
+        _near(replace(room, solids=things), pose, x, y, resolution_m)
+        for things in _by_sight(room, sample.frame.camera, pose)
+    ]
+    anything = _near(room, pose, x, y, resolution_m)[1]
+    return TrueFreeSpace(occupied, in_sight, measured, near[0][0], near[1][0], anything, np.hypot(x, y))
+
+
+def _by_sight(
+    room: SyntheticRoom, camera: CameraIntrinsics, pose: NDArray[np.float64]
+) -> tuple[tuple[Solid, ...], tuple[Solid, ...]]:
+    """Solids of the things of which at least one pixel is in the picture, and all others."""
+    surfaces = room.surfaces
+    index, _ = cast(camera_rectangles(surfaces, pose), camera)
+    seen = {surfaces[k].thing for k in np.unique(index[index >= 0])}
+    return tuple(s for s in room.solids if s.thing in seen), tuple(s for s in room.solids if s.thing not in seen)
+
+
+def _near(
+    room: SyntheticRoom, pose: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], size: float
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Cells that have an obstacle, and anything at all, in them or within `MARGIN_M` behind their centre."""
+    forward_m, side_m = x.shape[1] * size, 0.5 * x.shape[0] * size
+    own = _ros_order(floor_map(room, pose, size, (0.0, forward_m), (-side_m, side_m)).height_m)
+    reach = (0.0, forward_m + 0.2), (-side_m - 0.2, side_m + 0.2)
+    height = _ros_order(floor_map(room, pose, _FINE_M, *reach).height_m)
     range_m = np.hypot(x, y)
-    obstacle = (
-        np.isfinite(own_height) & (own_height >= OBSTACLE_M) & (range_m >= CHECKED_M[0]) & (range_m <= CHECKED_M[1])
-    )
+    obstacle = np.isfinite(own) & (own >= OBSTACLE_M) & (range_m >= CHECKED_M[0]) & (range_m <= CHECKED_M[1])
     anything = np.zeros_like(obstacle)
     for s in np.linspace(0.0, MARGIN_M, _STEPS):
         px, py = x * (1 + s / range_m), y * (1 + s / range_m)
@@ -136,7 +175,7 @@ def true_free_space(
         at = np.hypot(px, py)
         obstacle |= np.isfinite(there) & (there >= OBSTACLE_M) & (at >= CHECKED_M[0]) & (at <= CHECKED_M[1])
         anything |= there > 0
-    return TrueFreeSpace(occupied, in_sight, measured, obstacle, anything, range_m)
+    return obstacle, anything
 
 
 def score_free_space(truth: TrueFreeSpace, free_space: FreeSpace | None) -> FreeSpaceScore:
@@ -152,6 +191,7 @@ def score_free_space(truth: TrueFreeSpace, free_space: FreeSpace | None) -> Free
         pool_measured=_pool(measured, called & near & ((truth.measured >= 0.5) | ~kept)),
         false_free=int((called & truth.occupied & near).sum()),
         too_near=int((called & truth.near_obstacle).sum()),
+        too_near_unseen=int((called & truth.near_unseen & ~truth.near_obstacle).sum()),
         free=int((called & near).sum()),
     )
 
@@ -197,6 +237,27 @@ def floor_in_sight(
     return seen / _SAMPLES**2, measured / _SAMPLES**2
 
 
+def random_views(
+    seeds: Iterable[int], stream: int, noise: str, kind: str = "cuboid"
+) -> Iterator[tuple[SyntheticRoom, Sample]]:
+    """Yield furnished rooms with 12 things of 3-10 cm on the floor, each from a random pose."""
+    for seed in seeds:
+        rng = np.random.default_rng([seed, stream])
+        room = random_scene(rng, kind, **_FURNISHED)
+        yield room, render(room, KINECT, random_pose(room, rng), NOISES[noise], rng, name=str(seed))
+
+
+def views_of_walk(
+    seed: int, noise: str, frames: int, rate_hz: float = 1.0, kind: str = "cuboid"
+) -> Iterator[tuple[SyntheticRoom, Sample]]:
+    """Yield the frames of a walk through such a room: those of `SyntheticSource`, at a rate."""
+    rng = np.random.default_rng([seed, 0])
+    room = random_scene(rng, kind, **_FURNISHED)
+    for i, pose in enumerate(walk(room, rng, frames, rate_hz)):
+        chance = np.random.default_rng([seed, 1, i])
+        yield room, render(room, KINECT, pose, NOISES[noise], chance, name=f"{seed}/{i}")
+
+
 def scene_with_small_things(
     rng: np.random.Generator, size_m: float, distance_m: float = 1.5, count: int = 5
 ) -> tuple[SyntheticRoom, NDArray[np.float64], NDArray[np.float64]]:
@@ -238,16 +299,3 @@ def found_things(free_space: FreeSpace | None, places: NDArray[np.float64], reac
         own = free_space.grid[np.unravel_index(int(np.argmin(distance)), distance.shape)]
         found += bool((free_space.grid[distance <= reach_m] == OCCUPIED_CELL).any() and own != FREE_CELL)
     return found
-
-
-def floor_width(estimate: RoomEstimate, free_space: FreeSpace | None) -> float:
-    """Return the distance in m of left and right wall on the floor, NaN where the estimate has not both.
-
-    The two lines are parallel up to the lean of the cuboid against the floor: their distances to the foot add up.
-    """
-    if free_space is None or estimate.cuboid is None or not np.isfinite(estimate.cuboid.distances[[2, 4]]).all():
-        return float("nan")
-    walls = {int(row[3]): row for row in free_space.walls}
-    if 2 not in walls or 4 not in walls:
-        return float("nan")
-    return float(walls[2][2] + walls[4][2])
