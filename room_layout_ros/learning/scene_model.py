@@ -19,6 +19,7 @@ from torch.nn import functional
 
 from ..core.labels import N_FACES, N_LABELS
 from ..core.scene_network import INPUT_HEIGHT, INPUT_WIDTH, N_CLASSES, STRIDE
+from .onnx_file import portable_onnx
 
 _STAGES = (  # repeats, kernel, stride, expansion, channels in and out
     (1, 3, 1, 1, 32, 16),
@@ -183,22 +184,7 @@ def export_onnx(model: SceneModel) -> NDArray[np.uint8]:
             input_names=["color"],
             output_names=["scores"],
         )
-    return round_weights(np.frombuffer(buffer.getvalue(), np.uint8))
-
-
-def round_weights(network: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Round the weights of an ONNX file to half precision, kept as float32: packed, the file is half as large.
-
-    Scores change by some hundredths at most, and OpenCV of any version reads it.
-    """
-    import onnx
-
-    graph = onnx.load_from_string(network.tobytes())
-    for weight in graph.graph.initializer:
-        if weight.data_type == onnx.TensorProto.FLOAT:
-            rounded = onnx.numpy_helper.to_array(weight).astype(np.float16).astype(np.float32)
-            weight.CopyFrom(onnx.numpy_helper.from_array(rounded, weight.name))
-    return np.frombuffer(graph.SerializeToString(deterministic=True), np.uint8).copy()
+    return portable_onnx(np.frombuffer(buffer.getvalue(), np.uint8))
 
 
 assert STRIDE == 4  # of the finest tap
