@@ -34,6 +34,7 @@ from room_layout_ros.datasets import FramesFolder, Sample, good_samples, open_fo
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.evaluation.c_curve import C_CURVE_FILE, read_c_curve
 from room_layout_ros.evaluation.measures import score_pixels
+from room_layout_ros.learning.context import BINS
 from room_layout_ros.learning.fit_frame import read_fits
 
 CAMERA = CameraIntrinsics(240, 180, 140.0, 140.0, 119.5, 89.5)
@@ -48,6 +49,8 @@ def _fixed_origin() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["room-layout", "train", "my frames"])
         patch.setenv("SOURCE_DATE_EPOCH", "1386201600")
+        for forest in BINS:
+            patch.setitem(BINS, forest, 8)  # quick
         yield
 
 
