@@ -21,10 +21,13 @@ from room_layout_ros.commands.dashboard_ears import Ears
 from room_layout_ros.commands.dashboard_page import dashboard_html
 from room_layout_ros.commands.dashboard_server import HOST, Board, Room, serve
 from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, UNKNOWN_CELL
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 from room_layout_ros.datasets import good_samples
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.listening import listen
+from room_layout_ros.node_config import NodeConfig
+from room_layout_ros.scene import Scene
 
 
 @pytest.fixture
@@ -72,16 +75,30 @@ def test_shown_rooms_are_the_estimators(board: Board, server: ThreadingHTTPServe
         p.face: p.points_m.round(4).tolist() for p in estimate.polygons
     }
     assert set(state["stages"]) == set(estimate.timings_ms)
-    for picture in ("overlay.jpg", "plan.jpg"):
-        image = cv2.imdecode(np.frombuffer(get(server, picture), np.uint8), cv2.IMREAD_COLOR)
-        assert image is not None
-        assert image.shape == (480, 640, 3)
+    image = cv2.imdecode(np.frombuffer(get(server, "overlay.jpg"), np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    assert image.shape == (480, 640, 3)
+    assert get(server, "plan.jpg") == board.look()[1].plan
+
+
+def test_a_bag_and_the_running_node_show_the_same_free_space(board: Board) -> None:
+    (sample,) = good_samples(SyntheticSource(frames=1, seed=4))
+    frame, estimator = sample.frame, LayoutEstimator()
+    estimate = estimator.estimate(frame)
+    space = Scene(frame, estimate, NodeConfig(), estimator.config).free_space
+    assert space is not None
+    assert {FREE_CELL, OCCUPIED_CELL, UNKNOWN_CELL} <= set(space.grid.ravel().tolist())
+    ears = Ears(board)
+    rows, columns = space.grid.shape
+    ears.on_free_space(SimpleNamespace(info=SimpleNamespace(width=columns, height=rows), data=space.grid.ravel()))
+    ears.on_overlay(overlay(stamp=1))
+    assert room_of(frame, estimate, estimator.config).plan == board.look()[1].plan != b""
 
 
 def test_a_room_without_depth_has_no_plan() -> None:
     (sample,) = good_samples(SyntheticSource(frames=1, seed=4))
-    frame = sample.frame.without_depth()
-    assert room_of(frame, LayoutEstimator().estimate(frame)).plan == b""
+    frame, estimator = sample.frame.without_depth(), LayoutEstimator()
+    assert room_of(frame, estimator.estimate(frame), estimator.config).plan == b""
 
 
 def test_polygons_of_a_node_are_shown_with_the_overlay_of_the_same_stamp(board: Board) -> None:

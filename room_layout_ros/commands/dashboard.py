@@ -1,4 +1,4 @@
-"""A page in the browser that shows rooms as they are estimated: overlay, 3-D, from above, timings.
+"""A page in the browser that shows rooms as they are estimated: overlay, 3-D, free space, timings.
 
 With INPUT (frames folder, rosbag2, NYU .mat) the frames are estimated here, in their own time. Without it the page
 shows what a running `estimator` node publishes. The page is served to this machine alone. Ctrl-C ends it.
@@ -11,17 +11,20 @@ import time
 from pathlib import Path
 
 from room_layout_ros.commands.dashboard_ears import Ears
+from room_layout_ros.commands.dashboard_plan import draw_plan
 from room_layout_ros.commands.dashboard_server import HOST, Board, Room, serve
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.core.freespace import compute_free_space
 from room_layout_ros.core.labels import LABEL_NAMES
 from room_layout_ros.core.picture import draw_overlay
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 from room_layout_ros.datasets import DataError, FrameSource, good_samples
 from room_layout_ros.datasets.images import encode_image
-from room_layout_ros.evaluation.top_down import draw_top_down
 from room_layout_ros.listening import listen
 
 DEFAULT_PORT = 8641
@@ -86,7 +89,7 @@ def show_source(board: Board, source: FrameSource, end: float, loop: bool = Fals
             time.sleep(min(max(0.0, due - time.monotonic()), _LONGEST_WAIT_S))
             estimate = estimator.estimate(frame, prior)
             prior = next_prior(estimate)
-            board.show(room_of(frame, estimate))
+            board.show(room_of(frame, estimate, estimator.config))
             shown += 1
         if not shown:
             raise DataError(f"{source.title} holds no usable frame")
@@ -94,16 +97,22 @@ def show_source(board: Board, source: FrameSource, end: float, loop: bool = Fals
             return
 
 
-def room_of(frame: RgbdFrame, estimate: RoomEstimate) -> Room:
+def room_of(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -> Room:
     """Return what the page shows of a frame and its estimate."""
     unit = " m" if estimate.metric else ""
     faces = {LABEL_NAMES[p.face]: f"{p.distance:.2f}{unit}" for p in estimate.polygons}
-    plan = b"" if frame.depth_m is None else encode_image(".jpg", draw_top_down(frame, estimate), _JPEG_QUALITY)
     return Room(
         name=frame.name or str(frame.stamp_ns),
         overlay=encode_image(".jpg", draw_overlay(frame, estimate), _JPEG_QUALITY),
-        plan=plan,
+        plan=_plan_of(frame, estimate, config),
         polygons=[(p.face, p.points_m.round(4).tolist()) for p in estimate.polygons],
         numbers={"status": estimate.status.value, "confidence": f"{estimate.confidence:.2f}", **faces},
         stages={stage: round(ms, 2) for stage, ms in estimate.timings_ms.items()},
     )
+
+
+def _plan_of(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -> bytes:
+    """Draw the free space; empty without depth or floor."""
+    geometry = compute_depth_geometry(frame, config)
+    space = None if geometry is None else compute_free_space(geometry, estimate, config, color=frame.color)
+    return b"" if space is None else draw_plan(space.grid)

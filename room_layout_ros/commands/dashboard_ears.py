@@ -11,12 +11,12 @@ from room_layout_ros.core.labels import LABEL_NAMES
 from room_layout_ros.datasets.images import encode_image
 from room_layout_ros.listening import Listener
 
+from .dashboard_plan import draw_plan
 from .dashboard_server import Board, Room
 
 _KEPT = 8
 _JPEG_QUALITY = 85
 _MOST_CELLS = 4_000_000
-_UNKNOWN, _FREE, _OCCUPIED = (np.array(c) for c in ((120, 126, 136), (235, 240, 246), (30, 36, 46)))
 
 
 class Ears:
@@ -76,12 +76,7 @@ class Ears:
         cells = np.asarray(message.data, np.int8)
         if not 0 < width * height == cells.size <= _MOST_CELLS:
             return
-        colors = np.select(
-            [cells.reshape(height, width, 1) < 0, cells.reshape(height, width, 1) < 50], [_UNKNOWN, _FREE], _OCCUPIED
-        ).astype(np.uint8)
-        upright = np.ascontiguousarray(colors[::-1])  # row 0 of a grid is its lower edge
-        scale = max(1, 480 // max(width, height))
-        self._plan = encode_image(".jpg", upright.repeat(scale, axis=0).repeat(scale, axis=1), 92)
+        self._plan = draw_plan(cells.reshape(height, width))
 
     def _show(self, stamp: int) -> None:
         polygons = sorted(self._polygons.get(stamp, {}).items())

@@ -29,7 +29,7 @@ td { padding:3px 0; border-bottom:1px solid var(--line) } td:last-child { text-a
 <main>
 <section><h2>Estimate</h2><img id="overlay" alt="overlay of the estimate"></section>
 <section><h2>The room in 3-D (drag to turn)</h2><canvas id="room" width="860" height="645"></canvas></section>
-<section id="plan-card"><h2>From above</h2><img id="plan" alt="the room from above"></section>
+<section id="plan-card"><h2>Free space from above (bright: free)</h2><img id="plan" alt="free-space grid"></section>
 <section><h2>Numbers</h2><table id="numbers"></table>
 <h2 style="margin-top:14px">Milliseconds</h2><table id="stages"></table></section>
 </main>
