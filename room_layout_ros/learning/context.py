@@ -56,7 +56,7 @@ RGB_SETTINGS = ContextSettings(trees=150, synthetic_frames=0)
 
 
 BINS = {"structure": 127, "face": 63, "furniture": 63}
-"""Bins of a feature per forest. With weights, scikit-learn takes 0.3 ms a bin and feature to find them, for any rows."""
+"""Bins of a feature per forest. With weights scikit-learn takes 0.3 ms a bin and feature to find them."""
 
 
 def train_context(
