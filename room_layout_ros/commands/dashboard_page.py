@@ -19,6 +19,7 @@ main { display:grid; grid-template-columns:repeat(auto-fit,minmax(430px,1fr)); g
 section { background:var(--card); border:1px solid var(--line); border-radius:12px; padding:10px 12px }
 h2 { font-size:13px; color:var(--soft); margin:0 0 8px; font-weight:600 }
 img,canvas { width:100%; display:block; border-radius:6px }
+#plan { aspect-ratio:4/3; object-fit:contain }
 canvas { cursor:grab; touch-action:none }
 table { border-collapse:collapse; width:100%; font-variant-numeric:tabular-nums }
 td { padding:3px 0; border-bottom:1px solid var(--line) } td:last-child { text-align:right }
