@@ -13,7 +13,7 @@ from furnished import box, empty, free_space_of, with_truth
 from numpy.typing import NDArray
 
 from room_layout_ros.core import freespace
-from room_layout_ros.core.freespace import FreeSpace
+from room_layout_ros.core.freespace import FREE_CELL, FreeSpace
 from room_layout_ros.datasets.synthetic import KINECT, KINECT_NOISE, camera_pose, render
 from room_layout_ros.outputs import OUTPUTS
 
@@ -91,7 +91,7 @@ def test_floor_behind_a_thing_would_clear_it(monkeypatch: pytest.MonkeyPatch) ->
     frames = walk_past()[3:5]
     unseen = [(pose, replace(seen, obstacles=seen.obstacles[:0])) for pose, seen in frames[1:]]
     assert marks([frames[0], *unseen], layer_settings("local_costmap"))[-1]
-    monkeypatch.setattr(freespace, "in_line_of_sight", lambda grid, corner: np.ones(grid.shape, bool))
+    monkeypatch.setattr(freespace, "in_line_of_sight", lambda grid, corner: grid == FREE_CELL)
     blind = [(pose, replace(seen, obstacles=seen.obstacles[:0])) for pose, seen in walk_past()[4:5]]
     assert not marks([frames[0], *blind], layer_settings("local_costmap"))[-1]
 

@@ -22,6 +22,9 @@ MEASURED, BRIDGED, GAP = range(3)
 """Of a pixel: it has a depth; it has none and is floor by the picture; it has none and nothing tells what it is."""
 
 _WINDOW = np.ones((5, 5), np.uint8)
+_RIM_PX = 4
+"""Rows around the holes that the window and the blur before it look at."""
+
 _NEXT = np.ones((3, 3), np.uint8)
 _MAX_CONTRAST = 18
 """Grey levels between the brightest and the darkest of a window, above which an outline may run through it."""
@@ -58,8 +61,11 @@ def close_holes(
     """
     hole = inverse_depth <= 0.0
     kind = np.where(hole, np.uint8(GAP), np.uint8(MEASURED))
-    if color is not None:
-        kind[_is_floor_by_picture(hole, labels == FLOOR, color)] = BRIDGED
+    floor = labels == FLOOR
+    rows = np.flatnonzero((hole & floor).any(axis=1))
+    if color is not None and len(rows):
+        part = slice(max(int(rows[0]) - _RIM_PX, 0), int(rows[-1]) + 1 + _RIM_PX)
+        kind[part][_is_floor_by_picture(hole[part], floor[part], color[part])] = BRIDGED
     return DepthHoles(kind, _fill_things(inverse_depth, labels))
 
 

@@ -40,8 +40,8 @@ _STRAY_SIGMAS = 3.0
 """The few pixels of a cell beside a thing may lie this much before their true place."""
 
 _BEHIND_SIGMAS = 2.0
-_NEAREST_SIGMAS = 0.75
-"""The nearest of many pixels lies before the thing: noise is taken off, less than the mean, for safety."""
+_SURE_M = 0.01
+"""The nearest of many pixels lies before the thing: one deviation of the noise is taken off, but for this much."""
 
 _BEHIND_WALL_CELLS = 3
 _MARGIN_CELLS = 0.3
@@ -97,7 +97,7 @@ def decide_cells(
     noise = np.interp(reach, (np.arange(len(fit.sigma_m)) + 0.5) * BAND_M, fit.sigma_m) * reach / fit.distance_m
     stands = (thing | hole | raised | gap) & inside
     nearest = np.where(np.isfinite(cells.nearest_m), cells.nearest_m, reach - 0.5 * cells.resolution_m)
-    nearest += np.where(thing, _NEAREST_SIGMAS, np.where(stands, 0.0, _STRAY_SIGMAS)) * noise
+    nearest += np.where(stands, np.where(thing, np.maximum(noise - _SURE_M, 0.0), 0.0), _STRAY_SIGMAS * noise)
     nearest[~(stands | (beside & inside & (cells.obstacle_pixels > 0)))] = np.inf
     farthest = np.where(thing & inside, cells.farthest_m + _BEHIND_SIGMAS * noise, -np.inf)
     margin = config.obstacle_margin_m + _MARGIN_CELLS * cells.resolution_m

@@ -100,7 +100,6 @@ def compute_free_space(
     camera, corner = geometry.camera, (*cells.origin_m, cells.resolution_m)
     grid = decide_cells(cells, thing, fit, barriers, _half_view(camera), camera.fx, config)
     hide_overhung(grid, holes.inverse_depth, camera, T_camera_floor, corner, config.robot_height_m)
-    clearable = (grid == FREE_CELL) & in_line_of_sight(grid, corner)
     size, (x0, y0) = cells.resolution_m, cells.origin_m
     box = (x0, y0, x0 + grid.shape[1] * size, y0 + grid.shape[0] * size)
     return FreeSpace(
@@ -111,7 +110,7 @@ def compute_free_space(
         camera_height_m=fit.distance_m,
         source=fit.source,
         obstacles=_cloud(closed, cells, thing, OBSTACLE_PIXEL, config.cloud_step),
-        floor=_cloud(closed, cells, clearable, FLOOR_PIXEL, config.cloud_step),
+        floor=_cloud(closed, cells, in_line_of_sight(grid, corner), FLOOR_PIXEL, config.cloud_step),
         scan=cast_scan(closed, cells, grid, T_camera_floor, config.scan_beams),
         walls=walls,
         room_polygon_m=room_outline(walls, box) if len(walls) else np.empty((0, 2)),

@@ -76,5 +76,5 @@ def _is_covered(x, y, inverse, intrinsics, T, robot_height):  # type: ignore[no-
             continue
         before = z - 1.0 / inverse[v, u]
         if before > (_CUT_M if cut else _COVER_M[0]) and before < _COVER_M[1]:
-            hidden += 1
+            hidden += 2 if cut else 1
     return hidden >= _MIN_HIDDEN

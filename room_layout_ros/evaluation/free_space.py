@@ -45,9 +45,9 @@ OBSTACLE_M = 0.05
 
 _FURNISHED: dict[str, Any] = {"small_objects": 12, "furniture": 0.6}
 _SAMPLES = 5
-_FINE_M = 0.01
+_FINE_M = 0.005
 _FLAT_M = 0.02
-_STEPS = 11
+_STEPS = 21
 
 
 @dataclass(frozen=True, slots=True)
