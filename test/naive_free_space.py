@@ -24,21 +24,25 @@ def naive_cells(
     shape: tuple[int, int],
     size: float,
     limits: tuple[float, float, float],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """Return seen, obstacle and hole shares of the cells and the kinds of the pixels; even noise, flat floor."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Return seen, obstacle, hole and gap shares of the cells and the kinds of the pixels; even noise, flat floor."""
     lowest, factor, highest = limits
     T_floor_camera = np.linalg.inv(T_camera_floor)
     foot = T_floor_camera[:3, 3]
     height = foot[2]
     camera = geometry.camera
-    seen, obstacle, hole = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    seen, obstacle, hole, gap = (np.zeros(shape) for _ in range(4))
     kinds = np.zeros((camera.height, camera.width), np.int64)
     for v in range(camera.height):
         for u in range(camera.width):
             w = float(geometry.inverse_depth[v, u])
-            if w == 0:
-                continue
             ray = np.linalg.inv(camera.matrix) @ (u, v, 1.0)
+            if w == 0:
+                direction = T_floor_camera[:3, :3] @ ray
+                if direction[2] < -1e-3:
+                    z = -height / direction[2]
+                    _add(gap, foot + z * direction, size, z**3 / (height * camera.fx * camera.fy))
+                continue
             point = T_floor_camera[:3, :3] @ (ray / w) + foot
             near_gain = min(max(3.0 - 1 / w, 0.0), 1.5)
             threshold = max(lowest, (factor - near_gain) * sigma_m)
@@ -60,8 +64,12 @@ def naive_cells(
                 point = foot + z * direction
                 area = z**3 / (height * camera.fx * camera.fy)
             kinds[v, u] = kind
-            i, j = int(np.floor(point[1] / size + shape[0] / 2)), int(np.floor(point[0] / size))
-            if 0 <= i < shape[0] and 0 <= j < shape[1]:
-                for sums, what in ((seen, FLOOR_PIXEL), (obstacle, OBSTACLE_PIXEL), (hole, HOLE_PIXEL)):
-                    sums[i, j] += (kind == what) * area / size**2
-    return seen, obstacle, hole, kinds
+            for sums, what in ((seen, FLOOR_PIXEL), (obstacle, OBSTACLE_PIXEL), (hole, HOLE_PIXEL)):
+                _add(sums, point, size, (kind == what) * area)
+    return seen, obstacle, hole, gap, kinds
+
+
+def _add(sums: NDArray[np.float64], point: NDArray[np.float64], size: float, area: float) -> None:
+    i, j = int(np.floor(point[1] / size + sums.shape[0] / 2)), int(np.floor(point[0] / size))
+    if 0 <= i < sums.shape[0] and 0 <= j < sums.shape[1]:
+        sums[i, j] += area / size**2

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 import pytest
 from furnished import CONFIG, free_space_of
 
+from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import KINECT, NOISES, SyntheticRoom, SyntheticSource, render
@@ -31,30 +32,37 @@ def estimator() -> LayoutEstimator:
     return LayoutEstimator(CONFIG)
 
 
-def views(noise: str) -> Iterator[tuple[SyntheticRoom, Sample]]:
+@dataclass(frozen=True)
+class Views:
     """Four rooms from random poses and six seconds of a walk; more of them in docs/free_space.md."""
-    return chain(random_views(ROOMS, STREAM, noise), views_of_walk(WALK, noise, 6))
+
+    noise: str
+    frames: list[tuple[SyntheticRoom, Sample, RoomEstimate]]
 
 
-@pytest.mark.parametrize("noise", NOISES)
-def test_free_floor_is_found_and_nothing_before_a_thing_is_called_free(estimator: LayoutEstimator, noise: str) -> None:
+@pytest.fixture(scope="module", params=NOISES)
+def views(request: pytest.FixtureRequest, estimator: LayoutEstimator) -> Views:
+    noise: str = request.param
+    seen = chain(random_views(ROOMS, STREAM, noise), views_of_walk(WALK, noise, 6))
+    return Views(noise, [(room, sample, estimator.estimate(sample.frame)) for room, sample in seen])
+
+
+def test_free_floor_is_found_and_nothing_before_a_thing_is_called_free(views: Views) -> None:
     both = either = 0
-    for room, sample in views(noise):
+    for room, sample, estimate in views.frames:
         truth = true_free_space(room, sample, 0.05, 6.0, 4.0)
-        score = score_free_space(truth, free_space_of(sample.frame, estimator.estimate(sample.frame)))
+        score = score_free_space(truth, free_space_of(sample.frame, estimate))
         both, either = both + score.pool[0], either + score.pool[1]
         assert score.too_near == 0, f"view {sample.name}"
-    assert both / either >= (0.95 if noise == "clean" else 0.90)
+    assert both / either >= (0.95 if views.noise == "clean" else 0.90)
 
 
-@pytest.mark.parametrize("noise", NOISES)
-def test_planes_are_within_three_centimetres_and_half_a_degree(estimator: LayoutEstimator, noise: str) -> None:
+def test_planes_are_within_three_centimetres_and_half_a_degree(views: Views) -> None:
     within = []
-    for _, sample in views(noise):
+    for _, sample, estimate in views.frames:
         assert sample.truth is not None
         assert sample.truth.cuboid is not None
         assert sample.truth.layout is not None
-        estimate = estimator.estimate(sample.frame)
         assert estimate.cuboid is not None
         names = best_wall_names(confusion(sample.truth.layout, estimate.layout))
         errors = plane_errors(sample.truth.cuboid, estimate.cuboid, names)
@@ -62,7 +70,7 @@ def test_planes_are_within_three_centimetres_and_half_a_degree(estimator: Layout
         within += ((errors.offset_m <= 0.03) & (errors.angle_deg <= 0.5))[seen].tolist()
     assert len(within) > 25
     # Stereo's slow error of 0.12 px is 7 cm at 4 m for the whole wall: most planes, not all.
-    assert np.mean(within) >= (0.5 if noise == "stereo" else 0.95)
+    assert np.mean(within) >= (0.5 if views.noise == "stereo" else 0.95)
 
 
 @pytest.mark.parametrize("size_m", [0.03, 0.05])
