@@ -109,7 +109,7 @@ class EstimatorConfig:
     layout_scales: int = _p(12, "candidate distances of the front wall", "", 4, 64)
     layout_temperature: float = _p(0.01, "energy (share of the image) at which belief falls to 1/e", "", 1e-6, 10.0)
     joint_alternations: int = _p(5, "rounds of labels and layout at most (Alg. 1: M)", "", 1, 50)
-    joint_starts: int = _p(1, "diverse layouts that the alternation starts from", "", 1, 20)
+    joint_starts: int = _p(2, "diverse layouts that the alternation starts from", "", 1, 20)
     joint_variant: str = _p(
         "full",
         "blocks of the model that are used",
