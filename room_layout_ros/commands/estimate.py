@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -28,6 +28,7 @@ from room_layout_ros.commands.estimate_frame import (
     lost_result,
     parse_settings,
 )
+from room_layout_ros.commands.interrupts import interrupts_between_items
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_recover_argument, add_topic_arguments, open_with_topics
 from room_layout_ros.datasets import DataError
@@ -65,9 +66,9 @@ def run(arguments: argparse.Namespace) -> int:
     source = open_with_topics(arguments.input, arguments, arguments.recover)
     _make_folders(arguments.out, (*KINDS, "overlay") if arguments.overlay else KINDS)
     work, items, written = partial(estimate_item, job), ReadablePart(source), _Written(arguments.out)
-    with progress_bar("estimate", source.length) as progress:
+    with interrupts_between_items() as check, progress_bar("estimate", source.length) as progress:
         results = map_ordered(work, items, arguments.jobs, arguments.scheduler, progress, lost_result)
-        written.write(results)
+        written.write(results, check)
     if items.damage is not None and not (arguments.recover and written.frames):
         raise DataError(f"{items.damage}; {written.frames} frames estimated before the damage")
     if not written.frames:
@@ -93,8 +94,8 @@ class _Written:
     frames: int = 0
     failed: int = 0
 
-    def write(self, results: Iterator[FrameResult]) -> None:
-        """Write images and lines as they come; no line of an earlier run stays beside them."""
+    def write(self, results: Iterator[FrameResult], check: Callable[[], None]) -> None:
+        """Write images and lines as they come, `check` after each; no line of an earlier run stays beside them."""
         with (self.out / LINES).open("w", encoding="utf-8") as lines:
             for result in results:
                 for file, content in result.files.items():
@@ -103,6 +104,7 @@ class _Written:
                 lines.flush()
                 self.frames += 1
                 self.failed += "error" in result.line
+                check()
 
     def __str__(self) -> str:
         problems = f", {self.failed} of them could not be used (see their lines)" if self.failed else ""
