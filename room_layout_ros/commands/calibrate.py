@@ -7,7 +7,6 @@ confidence_rgb.npz (with --rgb-only) to --out; `config/` holds the shipped ones.
 from __future__ import annotations
 
 import argparse
-import datetime
 import sys
 from functools import partial
 from pathlib import Path
@@ -23,6 +22,7 @@ from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.models import model_file
 from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, Sample, open_source
 from room_layout_ros.evaluation.confidence_fit import LEAST_FRAMES, JudgedSigns, fit_confidence, judge_signs
+from room_layout_ros.learning.origin import origin
 from room_layout_ros.learning.scene_folds import SceneFolds, read_folds
 from room_layout_ros.learning.train_run import choose_names
 from room_layout_ros.parallel import map_ordered
@@ -58,11 +58,10 @@ def run(arguments: argparse.Namespace) -> int:
         found = list(map_ordered(work, source.subset(tuple(names)), arguments.jobs, None, progress, None))
     judged = [j for j in found if j is not None]
     card = {
-        "date": datetime.datetime.now(datetime.timezone.utc).date().isoformat(),
         "frames": len(judged),
         "source": source.title,
         "held out": arguments.hold_out or "",
-        "command": "room-layout calibrate " + " ".join(sys.argv[2:]),
+        **origin(),
     }
     arguments.out.mkdir(parents=True, exist_ok=True)
     path = arguments.out / model_file("confidence", not arguments.rgb_only, not arguments.plain)

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import datetime
 import json
 import sys
 from collections.abc import Sequence
@@ -28,6 +27,7 @@ from room_layout_ros.core.models import SCENE_FILE
 from room_layout_ros.core.scene_network import SceneNetwork, load_network, save_network
 from room_layout_ros.datasets import DataError, FramesFolder, good_samples, open_source
 from room_layout_ros.learning.fit_frame import read_fits
+from room_layout_ros.learning.origin import origin
 from room_layout_ros.learning.scene_errors import scene_errors
 from room_layout_ros.learning.scene_examples import SceneExamples, collect_examples, join_examples
 from room_layout_ros.learning.scene_folds import SceneFold, number_folds, write_folds
@@ -124,8 +124,7 @@ def _train(
         print(f"{path} (kept: it was learned from the same)")
         return
     model = train_scene_model(examples, arguments.backbone or backbone_file(), settings, partial(_tell, file))
-    card["date"] = datetime.datetime.now(datetime.timezone.utc).date().isoformat()
-    card["command"] = "room-layout scene " + " ".join(sys.argv[2:])
+    card |= origin()
     save_network(SceneNetwork(export_onnx(model), card), path)
     print(path)
 

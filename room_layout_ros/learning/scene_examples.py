@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.labels import CEILING, CLUTTER, FLOOR, STRUCTURE_NYU40
+from ..core.labels import CEILING, FLOOR
 from ..core.layout import RoomCuboid
-from ..datasets.sample import Sample
+from ..datasets.sample import Sample, labels_from_classes
 from .context_table import SYNTHETIC_FIRST
 
 WIDTH, HEIGHT = 320, 240
@@ -97,13 +97,9 @@ def _shrink(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def _labels(layout: NDArray[np.uint8], classes: NDArray[np.uint8], known: bool) -> NDArray[np.uint8]:
-    structure = np.isin(classes, STRUCTURE_NYU40)
-    if known:
-        faces = layout
-    else:
+    faces = layout
+    if not known:
         faces = np.full_like(classes, SOME_WALL)
         faces[np.isin(classes, _FLOOR_NYU40)] = FLOOR
         faces[classes == _CEILING_NYU40] = CEILING
-    labels = np.where(structure, faces, CLUTTER).astype(np.uint8)
-    labels[classes == 0] = 0
-    return labels
+    return labels_from_classes(faces, classes)
