@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .config import EstimatorConfig
 from .frame import CameraIntrinsics
+from .line_detection import detect_segments
 
 _BORDER_SHARE = 0.03
 """Segments that run along the image's border within this share of its size are the picture's own frame
@@ -76,10 +77,8 @@ def compute_line_segments(image: NDArray[np.uint8], config: EstimatorConfig) -> 
         return LineSegments(np.empty((0, 4), np.float32))  # nothing is left of an image this small
     if scale < 1.0:
         gray = cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_NONE, 1.0).detect(np.ascontiguousarray(gray))[0]
-    if found is None:
-        return LineSegments(np.empty((0, 4), np.float32))
-    points = (found.reshape(-1, 4).astype(np.float32) + 0.5) / np.float32(scale) - np.float32(0.5)
+    found = detect_segments(np.ascontiguousarray(gray, np.uint8))
+    points = (found + np.float32(0.5)) / np.float32(scale) - np.float32(0.5)
     length = np.hypot(points[:, 2] - points[:, 0], points[:, 3] - points[:, 1])
     keep = (length >= config.line_min_length_px) & ~_along_border(points, image.shape[0], image.shape[1])
     order = np.argsort(-length[keep], kind="stable")
