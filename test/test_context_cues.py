@@ -56,4 +56,4 @@ def test_reach_of_planes_equals_the_naive_one(rng: np.random.Generator) -> None:
     for k in (0, 1, 2, 4):
         left, right, upper, lower = (int(v) // 8 for v in boxes[k])
         truth = naive.plane_reach(points, low, high, planes[k], (left, right, upper, lower))
-        assert np.allclose(found[k], truth, atol=1e-5, equal_nan=True)
+        assert np.allclose(found[k], truth, rtol=1e-5, atol=1.01e-4, equal_nan=True)  # in steps of 0.1 mm

@@ -12,12 +12,7 @@ import pytest
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.evidence import pictures
 from room_layout_ros.core.evidence.depth_cues import compute_depth_cues, superpixel_planes
-from room_layout_ros.core.evidence.features import (
-    SuperpixelFeatures,
-    _neighbour_means,
-    compute_superpixel_features,
-    look_around,
-)
+from room_layout_ros.core.evidence.features import SuperpixelFeatures, compute_superpixel_features
 from room_layout_ros.core.evidence.geometric_context import (
     ContextModel,
     compute_geometric_context,
@@ -26,6 +21,7 @@ from room_layout_ros.core.evidence.geometric_context import (
 )
 from room_layout_ros.core.evidence.orientation_map import compute_orientation_map, orientation_channels
 from room_layout_ros.core.evidence.pixel_statistics import MEASURED, X, Z, sum_pixels
+from room_layout_ros.core.evidence.surroundings import _neighbour_means, look_around
 from room_layout_ros.core.forest import Forest
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.layout import RoomCuboid

@@ -54,15 +54,36 @@ def blank_border(color: NDArray[np.uint8]) -> tuple[int, int, int, int]:
     n = min(MAX_BORDER_PX, color.shape[0] // 4, color.shape[1] // 4)
     if n == 0:
         return (0, 0, 0, 0)
-    rows, columns = color[:, ::_SAMPLE_PX], color[::_SAMPLE_PX].swapaxes(0, 1)
-    sides = (rows[:n], rows[: -n - 1 : -1], columns[:n], columns[: -n - 1 : -1])
-    top, bottom, left, right = (_blank_lines(side) for side in sides)
+    top, bottom, left, right = _blank_border(color, n)
     return top, bottom, left, right
 
 
-def _blank_lines(lines: NDArray[np.uint8]) -> int:
-    blank = (lines >= _BLANK).all(axis=2).mean(axis=1) >= _BLANK_SHARE
-    count = int(len(blank) if blank.all() else np.argmin(blank))
+@njit(cache=True, nogil=True)
+def _blank_border(color, most):  # type: ignore[no-untyped-def]
+    height, width = color.shape[:2]
+    columns = color.transpose(1, 0, 2)
+    return (
+        _blank_lines(color, 0, 1, most),
+        _blank_lines(color, height - 1, -1, most),
+        _blank_lines(columns, 0, 1, most),
+        _blank_lines(columns, width - 1, -1, most),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _blank_lines(lines, first, step, most):  # type: ignore[no-untyped-def]
+    """Count the blank lines from `first` on, of which every `_SAMPLE_PX`-th pixel is looked at, and add one."""
+    count = 0
+    while count < most:
+        line = lines[first + count * step]
+        looked_at = blank = 0
+        for k in range(0, len(line), _SAMPLE_PX):
+            looked_at += 1
+            if line[k, 0] >= _BLANK and line[k, 1] >= _BLANK and line[k, 2] >= _BLANK:
+                blank += 1
+        if blank < _BLANK_SHARE * looked_at:
+            break
+        count += 1
     return 0 if count == 0 else count + 1
 
 

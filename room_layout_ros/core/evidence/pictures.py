@@ -94,9 +94,7 @@ def _pixel(at: NDArray[np.float64]) -> tuple[int, int]:
     return round(float(at[0])), round(float(at[1]))
 
 
-def draw_planes(
-    profiles: DepthProfiles, distances: NDArray[np.float64], size: tuple[int, int]
-) -> NDArray[np.uint8]:
+def draw_planes(profiles: DepthProfiles, distances: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.uint8]:
     """(height, width, 3) uint8: what depth says of each plane's offset, and the offset that was chosen.
 
     A row per face. Green: share of the image that lies on the plane; red: share that lies beyond it, at the same scale

@@ -76,6 +76,7 @@ def sum_pixels(
 
 @njit(cache=True, nogil=True)
 def _sum(index, count, lab, has_color, border, inverse, faces, matrix):  # type: ignore[no-untyped-def]
+    """Walk the runs of one superpixel in each row: what is summed stays in registers and is added once per run."""
     height, width = index.shape
     sums = np.zeros((count, N_SUMS))
     bounds = np.empty((count, N_BOUNDS), np.float32)
@@ -83,58 +84,112 @@ def _sum(index, count, lab, has_color, border, inverse, faces, matrix):  # type:
     bounds[:, 1::2] = -np.inf
     has_depth, has_faces = inverse.shape[0] > 1, faces.shape[0] > 1
     rows, cols = lab.shape[0], lab.shape[1]
+    end = width - STRIDE + 1
     for y in range(0, height - STRIDE + 1, STRIDE):
         row = y // STRIDE
-        for x in range(0, width - STRIDE + 1, STRIDE):
-            i = index[y, x]
+        colored = has_color and border[0] < row < rows - border[1] - 1
+        x = 0
+        while x < end:
+            i, first = index[y, x], x
+            while x < end and index[y, x] == i:
+                x += STRIDE
             s, b = sums[i], bounds[i]
-            s[COUNT] += 1.0
-            s[PX] += x
-            s[PY] += y
-            s[PXX] += x * x
-            s[PYY] += y * y
-            s[PXY] += x * y
-            b[0], b[1] = min(b[0], x), max(b[1], x)
-            b[2], b[3] = min(b[2], y), max(b[3], y)
-            col = x // STRIDE
-            if has_color and border[0] < row < rows - border[1] - 1 and border[2] < col < cols - border[3] - 1:
-                l_here, a, c = float(lab[row, col, 0]), float(lab[row, col, 1]), float(lab[row, col, 2])
-                gx = abs(float(lab[row, col + 1, 0]) - float(lab[row, col - 1, 0]))
-                gy = abs(float(lab[row + 1, col, 0]) - float(lab[row - 1, col, 0]))
-                around = float(lab[row, col + 1, 0]) + float(lab[row, col - 1, 0])
-                around += float(lab[row + 1, col, 0]) + float(lab[row - 1, col, 0])
-                s[COLORED] += 1.0
-                s[L] += l_here
-                s[A] += a
-                s[B] += c
-                s[LL] += l_here * l_here
-                s[AA] += a * a
-                s[BB] += c * c
-                s[GRADIENT_X] += gx
-                s[GRADIENT_Y] += gy
-                s[FINE] += abs(4.0 * l_here - around)
+            _add_place(s, b, first, x, y)
+            if colored:
+                low, high = max(first // STRIDE, border[2] + 1), min(x // STRIDE, cols - border[3] - 1)
+                _add_color(s, lab, row, low, high)
             if has_depth:
-                w = inverse[y, x]
-                if w > 0:
-                    z = 1.0 / w
-                    rx = (matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2]) * z
-                    ry = (matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2]) * z
-                    rz = (matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2]) * z
-                    s[MEASURED] += 1.0
-                    s[X] += rx
-                    s[Y] += ry
-                    s[Z] += rz
-                    s[XX] += rx * rx
-                    s[YY] += ry * ry
-                    s[ZZ] += rz * rz
-                    s[DEPTH] += z
-                    s[DEPTH2] += z * z
-                    b[4], b[5] = min(b[4], rx), max(b[5], rx)
-                    b[6], b[7] = min(b[6], ry), max(b[7], ry)
-                    b[8], b[9] = min(b[8], rz), max(b[9], rz)
+                _add_points(s, b, inverse, y, first, x, matrix)
             if has_faces:
-                s[ORIENTATION + faces[y, x]] += 1.0
+                for k in range(first, x, STRIDE):
+                    s[ORIENTATION + faces[y, k]] += 1.0
     return sums, bounds
+
+
+@njit(cache=True, nogil=True)
+def _add_place(s, b, first, end, y):  # type: ignore[no-untyped-def]
+    n = (end - first) // STRIDE
+    last = end - STRIDE
+    px = 0.5 * n * (first + last)
+    s[COUNT] += n
+    s[PX] += px
+    s[PY] += n * y
+    s[PXX] += n * float(first) * first + STRIDE * (n * (n - 1.0)) * (first + STRIDE * (2.0 * n - 1.0) / 6.0)
+    s[PYY] += n * float(y) * y
+    s[PXY] += px * y
+    b[0], b[1] = min(b[0], first), max(b[1], last)
+    b[2], b[3] = min(b[2], y), max(b[3], y)
+
+
+@njit(cache=True, nogil=True)
+def _add_color(s, lab, row, low, high):  # type: ignore[no-untyped-def]
+    """Add the columns `low` to `high` - 1 of a row of the (rows, cols, 3) uint8 Lab image at half resolution."""
+    zero = np.int32(0)
+    l_sum, a_sum, b_sum, ll, aa, bb, gx, gy, fine = zero, zero, zero, zero, zero, zero, zero, zero, zero
+    for k in range(low, high):
+        here, a, c = np.int32(lab[row, k, 0]), np.int32(lab[row, k, 1]), np.int32(lab[row, k, 2])
+        left, right = np.int32(lab[row, k - 1, 0]), np.int32(lab[row, k + 1, 0])
+        up, down = np.int32(lab[row - 1, k, 0]), np.int32(lab[row + 1, k, 0])
+        l_sum += here
+        a_sum += a
+        b_sum += c
+        ll += here * here
+        aa += a * a
+        bb += c * c
+        gx += abs(right - left)
+        gy += abs(down - up)
+        fine += abs(4 * here - (right + left + down + up))
+    s[COLORED] += max(high - low, 0)
+    s[L] += l_sum
+    s[A] += a_sum
+    s[B] += b_sum
+    s[LL] += ll
+    s[AA] += aa
+    s[BB] += bb
+    s[GRADIENT_X] += gx
+    s[GRADIENT_Y] += gy
+    s[FINE] += fine
+
+
+@njit(cache=True, nogil=True)
+def _add_points(s, b, inverse, y, first, end, matrix):  # type: ignore[no-untyped-def]
+    """Add the measured points of a run; their coordinates are linear in z and x z, and so are the sums."""
+    k0 = matrix[0, 1] * y + matrix[0, 2]
+    k1 = matrix[1, 1] * y + matrix[1, 2]
+    k2 = matrix[2, 1] * y + matrix[2, 2]
+    m0, m1, m2 = matrix[0, 0], matrix[1, 0], matrix[2, 0]
+    n = z1 = zx = zz = zzx = zzxx = 0.0
+    x_low = y_low = z_low = np.inf
+    x_high = y_high = z_high = -np.inf
+    for x in range(first, end, STRIDE):
+        w = inverse[y, x]
+        if w > 0:
+            z = 1.0 / w
+            xz = x * z
+            n += 1.0
+            z1 += z
+            zx += xz
+            zz += z * z
+            zzx += xz * z
+            zzxx += xz * xz
+            rx, ry, rz = m0 * xz + k0 * z, m1 * xz + k1 * z, m2 * xz + k2 * z
+            x_low, x_high = min(x_low, rx), max(x_high, rx)
+            y_low, y_high = min(y_low, ry), max(y_high, ry)
+            z_low, z_high = min(z_low, rz), max(z_high, rz)
+    if n == 0.0:
+        return
+    s[MEASURED] += n
+    s[X] += m0 * zx + k0 * z1
+    s[Y] += m1 * zx + k1 * z1
+    s[Z] += m2 * zx + k2 * z1
+    s[XX] += m0 * m0 * zzxx + 2.0 * m0 * k0 * zzx + k0 * k0 * zz
+    s[YY] += m1 * m1 * zzxx + 2.0 * m1 * k1 * zzx + k1 * k1 * zz
+    s[ZZ] += m2 * m2 * zzxx + 2.0 * m2 * k2 * zzx + k2 * k2 * zz
+    s[DEPTH] += z1
+    s[DEPTH2] += zz
+    b[4], b[5] = min(b[4], x_low), max(b[5], x_high)
+    b[6], b[7] = min(b[6], y_low), max(b[7], y_high)
+    b[8], b[9] = min(b[8], z_low), max(b[9], z_high)
 
 
 def count_lines(
