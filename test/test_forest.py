@@ -10,7 +10,7 @@ import naive_evidence as naive
 import numpy as np
 import pytest
 
-from room_layout_ros.core.forest import Forest, softmax
+from room_layout_ros.core.forest import MAX_LEAVES, Forest, softmax
 from room_layout_ros.learning.context import export_forest
 
 Fitted = tuple[np.ndarray, Any, Forest]
@@ -92,3 +92,32 @@ def test_every_malformed_array_is_refused(fitted: Fitted) -> None:
             replace(forest, **change)
     with pytest.raises(ValueError, match="missing"):
         Forest.from_arrays({})
+
+
+def _comb(leaves: int) -> Forest:
+    """One tree of that many leaves: x <= 0, else x <= 1, else x <= 2, ..."""
+    inner, leaf = np.arange(leaves - 1), np.arange(leaves)
+    left, right = leaves - 1 + inner, np.append(inner[1:], 2 * leaves - 2)
+    return Forest(
+        np.concatenate([np.zeros_like(inner), np.full_like(leaf, -1)]).astype(np.int16),
+        np.concatenate([inner, leaf]).astype(np.float32),
+        np.zeros(2 * leaves - 1, bool),
+        np.concatenate([left, np.zeros_like(leaf)]).astype(np.int16),
+        np.concatenate([right, np.zeros_like(leaf)]).astype(np.int16),
+        np.array([0], np.int32),
+        np.array([0], np.int16),
+        np.zeros(1, np.float32),
+    )
+
+
+def test_every_leaf_of_the_largest_tree_is_found_and_a_larger_one_is_refused() -> None:
+    rows = np.arange(MAX_LEAVES, dtype=np.float32)[:, None]
+    assert np.array_equal(_comb(MAX_LEAVES).evaluate(rows), rows)
+    with pytest.raises(ValueError, match="33 leaves"):
+        _comb(MAX_LEAVES + 1)
+
+
+def test_a_node_with_two_parents_is_refused() -> None:
+    forest = _comb(3)
+    with pytest.raises(ValueError, match="one parent"):
+        replace(forest, right=np.where(np.arange(5) == 1, forest.left[0], forest.right).astype(np.int16))

@@ -1,9 +1,13 @@
-"""Boosted regression trees from plain arrays: no training library at run time, no pickle in files."""
+"""Boosted regression trees from plain arrays: no training library at run time, no pickle in files.
+
+Evaluated as QuickScorer does (Lucchese et al., SIGIR 2015): a test that fails rules out the leaves on its left, and
+the first leaf that no test rules out is the row's. So every test is asked of all rows at once, without a branch.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,6 +25,32 @@ _FIELDS: tuple[tuple[str, np.dtype[np.generic]], ...] = (
     ("baseline", np.dtype(np.float32)),
 )
 MAX_NODES = 2_000_000
+MAX_LEAVES = 32
+"""Per tree: the leaves that are still open are bits of one number."""
+
+_ALL = np.uint32(0xFFFFFFFF)
+_DE_BRUIJN = np.uint32(0x077CB531)
+"""(bit * this) >> 27 is another number, 0..31, for each of the 32 bits."""
+_PLACES = 32 - 5
+
+
+@dataclass(frozen=True, slots=True)
+class _Tests:
+    """The same trees as tests that rule out leaves.
+
+    Attributes
+    ----------
+    start : (t + 1,) int32 where the tests of each tree start. feature, threshold, missing_left : (m,) as in `Forest`.
+    still_open : (m,) uint32 leaves that stay open when a row goes right.
+    leaf : (t, 32) float32 values of the leaves, in the order of the de Bruijn hash of their bits.
+    """
+
+    start: NDArray[np.int32]
+    feature: NDArray[np.int16]
+    threshold: NDArray[np.float32]
+    missing_left: NDArray[np.bool_]
+    still_open: NDArray[np.uint32]
+    leaf: NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +80,7 @@ class Forest:
     root: NDArray[np.int32]
     output: NDArray[np.int16]
     baseline: NDArray[np.float32]
+    _tests: _Tests = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         for name, dtype in _FIELDS:
@@ -67,6 +98,9 @@ class Forest:
         if not (np.isfinite(self.threshold).all() and np.isfinite(self.baseline).all()):
             raise ValueError("forest values must be finite")
         self._check_links()
+        start, test, still_open, leaf = _arrange(self.feature, self.threshold, self.left, self.right, self.root)
+        split = self.feature[test], self.threshold[test], self.missing_left[test]
+        object.__setattr__(self, "_tests", _Tests(start, *split, still_open, leaf))
 
     def _check_links(self) -> None:
         nodes = len(self.feature)
@@ -79,6 +113,12 @@ class Forest:
         for child in (self.left, self.right):
             if (inner & ((child <= place) | (child >= own_size))).any():
                 raise ValueError("forest children must follow their parent within the tree")
+        children = np.sort(np.concatenate([(start + self.left)[inner], (start + self.right)[inner]]))
+        if not np.array_equal(children, np.delete(np.arange(nodes), self.root)):
+            raise ValueError("forest nodes must be the child of one parent each")
+        leaves = np.add.reduceat(~inner, self.root, dtype=np.int64)
+        if leaves.max() > MAX_LEAVES:
+            raise ValueError(f"forest has a tree of {leaves.max()} leaves; at most {MAX_LEAVES} are allowed")
 
     @property
     def feature_count(self) -> int:
@@ -102,19 +142,13 @@ class Forest:
             raise ValueError(
                 f"rows are {rows.dtype} of shape {rows.shape}; float32 with {self.feature_count} columns is needed"
             )
-        return np.asarray(
-            _evaluate(
-                np.ascontiguousarray(rows),
-                self.feature,
-                self.threshold,
-                self.missing_left,
-                self.left,
-                self.right,
-                self.root,
-                self.output,
-                self.baseline,
-            )
-        )
+        return np.ascontiguousarray(self.evaluate_columns(np.ascontiguousarray(rows.T)).T)
+
+    def evaluate_columns(self, columns: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(outputs, k) float32 for contiguous columns (f, k) of rows, which are not checked; forests can share them."""
+        t = self._tests
+        tests = t.start, t.feature, t.threshold, t.missing_left, t.still_open
+        return np.asarray(_evaluate(columns, *tests, t.leaf, self.output, self.baseline))
 
     def to_arrays(self, prefix: str = "") -> dict[str, NDArray[Any]]:
         """Return the arrays by name, for `numpy.savez`."""
@@ -142,20 +176,50 @@ def softmax(scores: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 @njit(cache=True, nogil=True)
-def _evaluate(rows, feature, threshold, missing_left, left, right, root, output, baseline):  # type: ignore[no-untyped-def]
-    out = np.empty((rows.shape[0], baseline.size), np.float32)
-    out[:] = baseline
-    for tree in range(root.size):  # trees outside: one tree stays in the cache while all rows pass
-        first, k = root[tree], output[tree]
-        for i in range(rows.shape[0]):
-            node = first
-            f = feature[node]
-            while f >= 0:
-                value = rows[i, f]
-                if value <= threshold[node] or (value != value and missing_left[node]):
-                    node = first + left[node]
-                else:
-                    node = first + right[node]
-                f = feature[node]
-            out[i, k] += threshold[node]
+def _arrange(feature, threshold, left, right, root):  # type: ignore[no-untyped-def]
+    """Starts of the trees' tests, their nodes, the leaves each leaves open on failing, and the leaves' values."""
+    nodes, trees = len(feature), len(root)
+    start, test = np.zeros(trees + 1, np.int32), np.empty(nodes, np.int32)
+    still_open, leaf = np.empty(nodes, np.uint32), np.zeros((trees, MAX_LEAVES), np.float32)
+    below, first_leaf = np.zeros(nodes, np.int64), np.zeros(nodes, np.int64)
+    n = 0
+    for tree in range(trees):
+        first, end = root[tree], root[tree + 1] if tree + 1 < trees else nodes
+        for node in range(end - 1, first - 1, -1):  # children follow their parent
+            below[node] = 1 if feature[node] < 0 else below[first + left[node]] + below[first + right[node]]
+        for node in range(first, end):
+            if feature[node] < 0:
+                bit = np.uint32(1 << first_leaf[node])
+                leaf[tree, np.uint32(bit * _DE_BRUIJN) >> _PLACES] = threshold[node]
+                continue
+            on_left = below[first + left[node]]
+            first_leaf[first + left[node]] = first_leaf[node]
+            first_leaf[first + right[node]] = first_leaf[node] + on_left
+            test[n], still_open[n] = node, ~np.uint32(((1 << on_left) - 1) << first_leaf[node])
+            n += 1
+        start[tree + 1] = n
+    return start, test[:n].copy(), still_open[:n].copy(), leaf
+
+
+@njit(cache=True, nogil=True)
+def _evaluate(columns, start, feature, threshold, missing_left, still_open, leaf, output, baseline):  # type: ignore[no-untyped-def]
+    k = columns.shape[1]
+    out = np.empty((len(baseline), k), np.float32)
+    for c in range(len(baseline)):
+        out[c] = baseline[c]
+    open_ = np.empty(k, np.uint32)
+    for tree in range(len(output)):
+        open_[:] = _ALL
+        for t in range(start[tree], start[tree + 1]):
+            column, limit, rest = columns[feature[t]], threshold[t], still_open[t]
+            if missing_left[t]:
+                for i in range(k):
+                    open_[i] &= rest if column[i] > limit else _ALL
+            else:
+                for i in range(k):
+                    open_[i] &= _ALL if column[i] <= limit else rest
+        total, value = out[output[tree]], leaf[tree]
+        for i in range(k):
+            first = np.uint32(open_[i] & (~open_[i] + np.uint32(1)))
+            total[i] += value[np.uint32(first * _DE_BRUIJN) >> _PLACES]
     return out

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from .evidence.features import SuperpixelFeatures
@@ -87,25 +88,39 @@ def group_furniture(
     (K, 7) float64
         Rows sum to 1.
     """
-    i, j = superpixels.edges.T
-    both = clutter[i] & clutter[j]
-    i, j = i[both], j[both]
-    difference = ((superpixels.mean_lab[i] - superpixels.mean_lab[j]) ** 2).sum(axis=1)
-    weight = superpixels.edge_length[both] * np.exp(-0.5 * difference / _ALIKE_LAB**2)
-    border = np.bincount(i, superpixels.edge_length[both], superpixels.count)
-    border += np.bincount(j, superpixels.edge_length[both], superpixels.count)
-    own = np.log(np.maximum(probability, 1e-6))
-    score = own
-    for _ in range(_PASSES):
-        taken = np.zeros_like(own)
-        np.add.at(taken, i, weight[:, None] * score[j])
-        np.add.at(taken, j, weight[:, None] * score[i])
-        share = taken / np.maximum(border, 1.0)[:, None]
-        weights = np.bincount(i, weight, superpixels.count) + np.bincount(j, weight, superpixels.count)
-        kept = 1.0 + _TAKE * weights / np.maximum(border, 1.0)
-        score = (own + _TAKE * share) / kept[:, None]
+    length = superpixels.edge_length
+    score = _group(superpixels.edges, length, superpixels.mean_lab, clutter, np.log(np.maximum(probability, 1e-6)))
     score[:, -1] += np.log(_OTHER)
     return softmax(score.astype(np.float32)).astype(np.float64)
+
+
+@njit(cache=True, nogil=True)
+def _group(edges, length, lab, clutter, own):  # type: ignore[no-untyped-def]
+    """(K, 7) scores after `_PASSES` rounds of taking on the neighbours'."""
+    nodes, classes = own.shape
+    weight, weights, border = np.zeros(len(edges)), np.zeros(nodes), np.zeros(nodes)
+    for e in range(len(edges)):
+        i, j = edges[e, 0], edges[e, 1]
+        if clutter[i] and clutter[j]:
+            difference = (lab[i, 0] - lab[j, 0]) ** 2 + (lab[i, 1] - lab[j, 1]) ** 2 + (lab[i, 2] - lab[j, 2]) ** 2
+            weight[e] = length[e] * np.exp(-0.5 * difference / _ALIKE_LAB**2)
+            for node in (i, j):
+                weights[node] += weight[e]
+                border[node] += length[e]
+    score, taken = own.copy(), np.empty_like(own)
+    for _ in range(_PASSES):
+        taken[:] = 0.0
+        for e in range(len(edges)):
+            if weight[e] > 0.0:
+                i, j = edges[e, 0], edges[e, 1]
+                for c in range(classes):
+                    taken[i, c] += weight[e] * score[j, c]
+                    taken[j, c] += weight[e] * score[i, c]
+        for k in range(nodes):
+            strength = _TAKE / max(border[k], 1.0)
+            for c in range(classes):
+                score[k, c] = (own[k, c] + strength * taken[k, c]) / (1.0 + strength * weights[k])
+    return score
 
 
 def paint_furniture(
@@ -123,7 +138,17 @@ def paint_furniture(
         NYU40 id of the most likely class on clutter, 0 where that is "other" or there is no clutter.
     """
     ids = np.array([*FURNITURE_IDS, 0], np.uint8)[probability.argmax(axis=1)]
-    return np.where(labels == CLUTTER, ids, np.uint8(0)).astype(np.uint8)[superpixels.index]
+    return np.asarray(_paint(superpixels.index, np.where(labels == CLUTTER, ids, np.uint8(0))))
+
+
+@njit(cache=True, nogil=True)
+def _paint(index, ids):  # type: ignore[no-untyped-def]
+    """The image of superpixels with each one's id."""
+    image = np.empty(index.shape, ids.dtype)
+    for y in range(index.shape[0]):
+        for x in range(index.shape[1]):
+            image[y, x] = ids[index[y, x]]
+    return image
 
 
 def find_furniture(

@@ -34,6 +34,8 @@ N_CLASSES = 41
 N_SCORES = N_LABELS + N_FACES + N_CLASSES
 _KIND = "room_layout scene network"
 _MEAN, _SPREAD = 127.0, 128.0
+_POOL_ROWS, _POOL_COLUMNS = 2, 4
+"""One in so many rows and columns is looked at when scores are averaged over superpixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,10 +141,7 @@ def pool_scene(scores: SceneScores | None, index: NDArray[np.int32], count: int)
     """
     if scores is None:
         return None
-    values = np.ascontiguousarray(scores.values.reshape(N_SCORES, -1).T)
-    mean = _pool(values, index, count, ROWS, COLUMNS)
-    labels, layout, classes = np.split(mean, (N_LABELS, N_LABELS + N_FACES), axis=1)
-    return SuperpixelScene(_softmax(labels), _softmax(layout), _softmax(classes))
+    return SuperpixelScene(*_pool(scores.values, index, count))
 
 
 def save_network(network: SceneNetwork, path: Path) -> None:
@@ -178,20 +177,64 @@ def _softmax(scores: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @njit(cache=True, nogil=True)
-def _pool(values, index, count, rows, columns):  # type: ignore[no-untyped-def]
-    """(count, C) mean score per superpixel over one in 8 of its pixels, each with the scores of the cell it lies in."""
+def _softmax_rows(scores):  # type: ignore[no-untyped-def]
+    """(n, c) probabilities of rows of scores."""
+    result = np.empty(scores.shape)
+    for k in range(len(scores)):
+        highest, total = scores[k].max(), 0.0
+        for c in range(scores.shape[1]):
+            result[k, c] = np.exp(scores[k, c] - highest)
+            total += result[k, c]
+        for c in range(scores.shape[1]):
+            result[k, c] /= total
+    return result
+
+
+@njit(cache=True, nogil=True)
+def _first_samples(size, step, parts):  # type: ignore[no-untyped-def]
+    """(parts + 1,) first of the samples 1, 1 + step, ... below `size` in each of as many equal parts."""
+    first, sample = np.empty(parts + 1, np.int64), 1
+    for part in range(parts + 1):
+        while sample < size and sample * parts // size < part:
+            sample += step
+        first[part] = sample
+    return first
+
+
+@njit(cache=True, nogil=True)
+def _pool(values, index, count):  # type: ignore[no-untyped-def]
+    """Probabilities of the parts by the mean score of each superpixel over some of its pixels, each with the scores of
+    the cell it lies in.
+    """
     height, width = index.shape
-    mean = np.zeros((count, values.shape[1]))
-    seen = np.zeros(count)
-    for y in range(1, height, 2):
-        row = y * rows // height
-        for x in range(1, width, 4):
-            k = index[y, x]
-            cell = values[row * columns + x * columns // width]
-            seen[k] += 1.0
-            for c in range(values.shape[1]):
-                mean[k, c] += cell[c]
+    first_y, first_x = _first_samples(height, _POOL_ROWS, ROWS), _first_samples(width, _POOL_COLUMNS, COLUMNS)
+    total, seen = np.zeros((count, N_SCORES)), np.zeros(count)
+    cells = np.empty((COLUMNS, N_SCORES), np.float32)
+    here, met = np.zeros(count, np.int64), np.empty(count + 1, np.int64)  # pixels of each, and who has any, in a cell
+    for row in range(ROWS):
+        for c in range(N_SCORES):
+            for column in range(COLUMNS):
+                cells[column, c] = values[c, row, column]
+        for column in range(COLUMNS):
+            kinds = 0
+            for y in range(first_y[row], first_y[row + 1], _POOL_ROWS):
+                for x in range(first_x[column], first_x[column + 1], _POOL_COLUMNS):
+                    one = np.uint32(index[y, x])
+                    met[kinds] = one
+                    kinds += here[one] == 0
+                    here[one] += 1
+            for k in met[:kinds]:  # few superpixels meet in a cell: its scores are added once to each
+                _add_cell(total[k], cells[column], here[k])
+                seen[k] += here[k]
+                here[k] = 0
     for k in range(count):
-        for c in range(values.shape[1]):
-            mean[k, c] /= max(seen[k], 1.0)
-    return mean
+        for c in range(N_SCORES):
+            total[k, c] /= max(seen[k], 1.0)
+    end = N_LABELS + N_FACES
+    return _softmax_rows(total[:, :N_LABELS]), _softmax_rows(total[:, N_LABELS:end]), _softmax_rows(total[:, end:])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _add_cell(total, cell, times):  # type: ignore[no-untyped-def]
+    for c in range(N_SCORES):
+        total[c] += times * cell[c]

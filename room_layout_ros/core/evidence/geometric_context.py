@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from ..forest import Forest, softmax
+from ..forest import Forest
 from ..labels import N_FACES, N_LABELS
 from ..weights import WeightsError, read_arrays, write_arrays
 from .features import SuperpixelFeatures
@@ -73,12 +74,23 @@ def compute_geometric_context(features: SuperpixelFeatures, model: ContextModel)
     ValueError
         When the features lack a column of the model.
     """
-    rows = select_columns(features, model.names)
-    inside = 1.0 / (1.0 + np.exp(-model.structure.evaluate(rows)[:, 0].astype(np.float64)))
-    context = np.empty((len(rows), N_LABELS))
-    context[:, :N_FACES] = softmax(model.face.evaluate(rows)) * inside[:, None]
-    context[:, N_FACES] = 1.0 - inside
-    context /= context.sum(axis=1, keepdims=True)
+    columns = np.ascontiguousarray(select_columns(features, model.names).T)
+    return np.asarray(_join(model.structure.evaluate_columns(columns)[0], model.face.evaluate_columns(columns)))
+
+
+@njit(cache=True, nogil=True)
+def _join(log_odds, scores):  # type: ignore[no-untyped-def]
+    """(K, 6) probabilities for (K,) log odds of structure and (5, K) scores of the faces."""
+    context = np.empty((len(log_odds), N_LABELS))
+    for k in range(len(log_odds)):
+        inside = 1.0 / (1.0 + np.exp(-float(log_odds[k])))
+        highest, total = scores[:, k].max(), 0.0
+        for f in range(N_FACES):
+            context[k, f] = np.exp(float(scores[f, k]) - highest)
+            total += context[k, f]
+        for f in range(N_FACES):
+            context[k, f] *= inside / total
+        context[k, N_FACES] = 1.0 - inside
     return context
 
 
