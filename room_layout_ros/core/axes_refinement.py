@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma, fit_cell_planes
+from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, CellPlanes, DepthGeometry, depth_sigma, fit_cell_planes
 
 _FIRST_TOLERANCE_RAD = np.deg2rad(15.0)
 _TOLERANCE_RAD = np.deg2rad(8.0)
@@ -35,6 +35,7 @@ def refine_on_planes(
     line_normals: NDArray[np.float64] | None = None,
     line_lengths: NDArray[np.float64] | None = None,
     rounds: int = 3,
+    cells: CellPlanes | None = None,
 ) -> NDArray[np.float64]:
     """Turn the axes `R` (rows, camera frame) onto the planes and lines that are nearly aligned with them.
 
@@ -44,30 +45,39 @@ def refine_on_planes(
     R : (3, 3) float64 rotation, within about 15 degrees of the truth
     line_normals, line_lengths : (l, 3) unit normals of the segments' interpretation planes, (l,) px; optional
     rounds : int
+    cells : CellPlanes, optional
+        `fit_cell_planes(geometry, radius=1)`, where several axes are refined.
 
     Returns
     -------
     (3, 3) float64 rotation; `R` itself where no plane is large enough.
     """
-    cells = fit_cell_planes(geometry, radius=1)
+    cells = cells or fit_cell_planes(geometry, radius=1)
     if line_normals is None or line_lengths is None:
         line_normals, line_lengths = np.empty((0, 3)), np.empty(0)
     line_weights = line_lengths / _LINE_REFERENCE_PX / _LINE_SIGMA_RAD**2
-    rows, cols, _ = geometry.moments.shape
-    moments = geometry.moments[cells.cell[:, 0], cells.cell[:, 1]]
+    planes = cells.cell, cells.normal, cells.centroid, cells.sigma
+    return np.asarray(_refine(geometry.moments, planes, line_normals, line_weights, np.ascontiguousarray(R), rounds))
+
+
+@njit(cache=True, nogil=True)
+def _refine(moments, cells, line_normals, line_weights, R, rounds):  # type: ignore[no-untyped-def]
+    """Grow planes and turn the axes onto them, `rounds` times."""
+    cell, normal, centroid, sigma = cells
+    rows, cols, _ = moments.shape
     for round_ in range(rounds):
         tolerance = _FIRST_TOLERANCE_RAD if round_ == 0 else _TOLERANCE_RAD
-        plane, n_planes = _grow(rows, cols, cells.cell, cells.normal, cells.centroid, cells.sigma, R, tolerance)
-        normals, axes, weights = _plane_normals(moments, plane, n_planes, R, _MIN_CELLS)
+        plane, n_planes = _grow(rows, cols, cell, normal, centroid, sigma, R, tolerance)
+        normals, axes, weights = _plane_normals(moments, cell, plane, n_planes, R, _MIN_CELLS)
         if len(axes) == 0 and len(line_normals) == 0:
             return R
         R = _turn(normals, axes, weights, line_normals, line_weights, R)
     u, _, vt = np.linalg.svd(R)
-    return np.asarray(u @ vt)
+    return u @ vt
 
 
 @njit(cache=True, nogil=True)
-def _plane_normals(moments, plane, n_planes, R, min_cells):  # type: ignore[no-untyped-def]
+def _plane_normals(moments, cell, plane, n_planes, R, min_cells):  # type: ignore[no-untyped-def]
     """Normals (p, 3), nearest axes (p,) and weights (p,) of the planes of at least `min_cells` cells."""
     sums = np.zeros((n_planes, 10))
     cells = np.zeros(n_planes, np.int32)
@@ -75,7 +85,7 @@ def _plane_normals(moments, plane, n_planes, R, min_cells):  # type: ignore[no-u
         if plane[i] >= 0:
             cells[plane[i]] += 1
             for k in range(10):
-                sums[plane[i], k] += moments[i, k]
+                sums[plane[i], k] += moments[cell[i, 0], cell[i, 1], k]
     normals = np.empty((n_planes, 3))
     axes = np.empty(n_planes, np.int64)
     weights = np.empty(n_planes)
