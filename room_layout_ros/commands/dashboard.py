@@ -7,12 +7,15 @@ shows what a running `estimator` node publishes. The page is served to this mach
 from __future__ import annotations
 
 import argparse
+import math
 import time
 from pathlib import Path
 
-from room_layout_ros.commands.dashboard_ears import Ears
-from room_layout_ros.commands.dashboard_plan import draw_plan
-from room_layout_ros.commands.dashboard_server import HOST, Board, Room, serve
+import numpy as np
+
+from room_layout_ros.commands.dashboard_ears import SETTLE_S, Ears
+from room_layout_ros.commands.dashboard_room import MOST_POINTS, Cloud, Grid, Room
+from room_layout_ros.commands.dashboard_server import HOST, Board, serve
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
@@ -20,7 +23,7 @@ from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.freespace import compute_free_space
-from room_layout_ros.core.labels import LABEL_NAMES
+from room_layout_ros.core.labels import LABEL_COLORS, LABEL_NAMES
 from room_layout_ros.core.picture import draw_overlay
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 from room_layout_ros.datasets import DataError, FrameSource, good_samples
@@ -50,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise DataError(f"--port is {arguments.port}; allowed is 0 to 65535")
     end = float("inf") if arguments.seconds is None else time.monotonic() + arguments.seconds
     source = None if arguments.input is None else open_with_topics(arguments.input, arguments)
-    board = Board(f"node {arguments.node}" if source is None else source.title)
+    board = Board(f"node {arguments.node}", SETTLE_S) if source is None else Board(source.title)
     server = serve(board, arguments.port)
     print(f"http://{HOST}:{server.server_address[1]}/", flush=True)
     try:
@@ -104,15 +107,29 @@ def room_of(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -
     return Room(
         name=frame.name or str(frame.stamp_ns),
         overlay=encode_image(".jpg", draw_overlay(frame, estimate), _JPEG_QUALITY),
-        plan=_plan_of(frame, estimate, config),
         polygons=[(p.face, p.points_m.round(4).tolist()) for p in estimate.polygons],
+        grid=_grid_of(frame, estimate, config),
+        cloud=_cloud_of(frame, estimate),
         numbers={"status": estimate.status.value, "confidence": f"{estimate.confidence:.2f}", **faces},
         stages={stage: round(ms, 2) for stage, ms in estimate.timings_ms.items()},
+        metric=estimate.metric,
     )
 
 
-def _plan_of(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -> bytes:
-    """Draw the free space; empty without depth or floor."""
+def _grid_of(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -> Grid | None:
+    """Find the free space; None without depth or floor."""
     geometry = compute_depth_geometry(frame, config)
     space = None if geometry is None else compute_free_space(geometry, estimate, config, color=frame.color)
-    return b"" if space is None else draw_plan(space.grid)
+    return None if space is None else Grid(space.grid, space.resolution_m, space.origin_m)
+
+
+def _cloud_of(frame: RgbdFrame, estimate: RoomEstimate) -> Cloud | None:
+    """Points of the depth in the colours of the picture, or of the labels without one; None without depth."""
+    if frame.depth_m is None:
+        return None
+    step = max(1, math.ceil(math.sqrt(frame.depth_m.size / MOST_POINTS)))
+    depth = frame.depth_m[::step, ::step]
+    seen = np.isfinite(depth) & (depth > 0)
+    colors = LABEL_COLORS[estimate.labels] if frame.color is None else frame.color
+    points = frame.camera.rays()[::step, ::step][seen] * depth[seen][:, None]
+    return Cloud(points.astype(np.float32), colors[::step, ::step][seen])

@@ -3,32 +3,46 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from room_layout_ros.core.labels import LABEL_NAMES
+from room_layout_ros.core.labels import CLUTTER, FLOOR, LABEL_COLORS, LABEL_NAMES
 from room_layout_ros.datasets.images import encode_image
 from room_layout_ros.listening import Listener
 
-from .dashboard_plan import draw_plan
-from .dashboard_server import Board, Room
+from .dashboard_room import Cloud, Grid, Room
+from .dashboard_server import Board
+
+SETTLE_S = 0.1
+"""The messages of one frame come one after another, within this time."""
 
 _KEPT = 8
 _JPEG_QUALITY = 85
 _MOST_CELLS = 4_000_000
+_FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
+
+
+@dataclass(slots=True)
+class _Heard:
+    """The parts of one frame so far. points : (n, 3) float32 by label id."""
+
+    overlay: bytes = b""
+    polygons: dict[int, list[list[float]]] = field(default_factory=dict)
+    grid: Grid | None = None
+    points: dict[int, NDArray[np.float32]] = field(default_factory=dict)
 
 
 class Ears:
-    """Collects messages by stamp; each overlay makes a room. Polygons come in the same burst, some of them later."""
+    """Collects messages by stamp; each overlay makes a room. The other parts come in the same burst, some later."""
 
     def __init__(self, board: Board) -> None:
         self._board = board
-        self._polygons: OrderedDict[int, dict[int, list[list[float]]]] = OrderedDict()
-        self._overlays: OrderedDict[int, bytes] = OrderedDict()
+        self._heard: OrderedDict[int, _Heard] = OrderedDict()
         self._numbers: dict[str, str] = {}
         self._stages: dict[str, float] = {}
-        self._plan = b""
 
     def listeners(self, node: str) -> list[Listener]:
         """Return what to listen to for the node of this name."""
@@ -36,17 +50,18 @@ class Ears:
             Listener(f"{node}/polygons", "geometry_msgs/msg/PolygonInstanceStamped", 50, self.on_polygon),
             Listener(f"{node}/overlay", "sensor_msgs/msg/Image", 2, self.on_overlay),
             Listener(f"{node}/free_space", "nav_msgs/msg/OccupancyGrid", 2, self.on_free_space),
+            Listener(f"{node}/obstacles", "sensor_msgs/msg/PointCloud2", 2, self.on_obstacles),
+            Listener(f"{node}/floor", "sensor_msgs/msg/PointCloud2", 2, self.on_floor),
             Listener("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 10, self.on_diagnostics),
         ]
 
     def on_polygon(self, message: Any) -> None:
         """Take one face."""
-        stamp = _stamp_ns(message)
-        corners = [[p.x, p.y, p.z] for p in message.polygon.polygon.points]
-        self._polygons.setdefault(stamp, {})[int(message.polygon.id)] = corners
-        self._trim(self._polygons)
-        if stamp in self._overlays:
-            self._show(stamp)
+        face = int(message.polygon.id)
+        if 0 < face < len(LABEL_NAMES):
+            corners = [[p.x, p.y, p.z] for p in message.polygon.polygon.points]
+            self._parts_of(message).polygons[face] = corners
+            self._show(message)
 
     def on_overlay(self, message: Any) -> None:
         """Take the picture of a frame; it makes a room."""
@@ -54,10 +69,27 @@ class Ears:
             return
         rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.step)
         pixels = rows[:, : 3 * message.width].reshape(message.height, message.width, 3)
-        stamp = _stamp_ns(message)
-        self._overlays[stamp] = encode_image(".jpg", np.ascontiguousarray(pixels), _JPEG_QUALITY)
-        self._trim(self._overlays)
-        self._show(stamp)
+        self._parts_of(message).overlay = encode_image(".jpg", np.ascontiguousarray(pixels), _JPEG_QUALITY)
+        self._show(message)
+
+    def on_free_space(self, message: Any) -> None:
+        """Take the free-space grid."""
+        info = message.info
+        width, height = int(info.width), int(info.height)
+        cells = np.asarray(message.data, np.int8)
+        if not 0 < width * height == cells.size <= _MOST_CELLS:
+            return
+        corner = (float(info.origin.position.x), float(info.origin.position.y))
+        self._parts_of(message).grid = Grid(cells.reshape(height, width), float(info.resolution), corner)
+        self._show(message)
+
+    def on_obstacles(self, message: Any) -> None:
+        """Take the points of things."""
+        self._take_points(message, CLUTTER)
+
+    def on_floor(self, message: Any) -> None:
+        """Take the points of free floor."""
+        self._take_points(message, FLOOR)
 
     def on_diagnostics(self, message: Any) -> None:
         """Take the node's numbers."""
@@ -70,24 +102,56 @@ class Ears:
                 elif key in ("latency_p50_ms", "latency_p99_ms"):
                     self._numbers[key] = text
 
-    def on_free_space(self, message: Any) -> None:
-        """Take the newest free-space grid; its own picture, a frame older or newer than the overlay."""
-        width, height = int(message.info.width), int(message.info.height)
-        cells = np.asarray(message.data, np.int8)
-        if not 0 < width * height == cells.size <= _MOST_CELLS:
+    def _take_points(self, message: Any, label: int) -> None:
+        points = _points_of(message)
+        if points is not None:
+            self._parts_of(message).points[label] = points
+            self._show(message)
+
+    def _parts_of(self, message: Any) -> _Heard:
+        heard = self._heard.setdefault(_stamp_ns(message), _Heard())
+        while len(self._heard) > _KEPT:
+            self._heard.popitem(last=False)
+        return heard
+
+    def _show(self, message: Any) -> None:
+        stamp = _stamp_ns(message)
+        heard = self._heard.get(stamp)
+        if heard is None or not heard.overlay:
             return
-        self._plan = draw_plan(cells.reshape(height, width))
+        room = Room(
+            name=f"{stamp / 1e9:.3f} s",
+            overlay=heard.overlay,
+            polygons=sorted(heard.polygons.items()),
+            grid=heard.grid,
+            cloud=_cloud(heard.points),
+            numbers=dict(self._numbers),
+            stages=dict(self._stages),
+        )
+        self._board.show(room)
 
-    def _show(self, stamp: int) -> None:
-        polygons = sorted(self._polygons.get(stamp, {}).items())
-        name = f"{stamp / 1e9:.3f} s"
-        known = [(face, corners) for face, corners in polygons if 0 < face < len(LABEL_NAMES)]
-        self._board.show(Room(name, self._overlays[stamp], self._plan, known, dict(self._numbers), dict(self._stages)))
 
-    @staticmethod
-    def _trim(kept: OrderedDict[int, Any]) -> None:
-        while len(kept) > _KEPT:
-            kept.popitem(last=False)
+def _cloud(points: dict[int, NDArray[np.float32]]) -> Cloud | None:
+    """Put the points of all labels together, in the colours of the labels."""
+    if not points:
+        return None
+    colors = [np.repeat(LABEL_COLORS[[label]], len(p), axis=0) for label, p in points.items()]
+    return Cloud(np.concatenate(list(points.values())), np.concatenate(colors)).thinned()
+
+
+def _points_of(message: Any) -> NDArray[np.float32] | None:
+    """(n, 3) x, y, z of a PointCloud2; None where it does not hold them as little-endian float32."""
+    offsets = {f.name: int(f.offset) for f in message.fields if f.datatype == _FLOAT32}
+    count, step = int(message.width) * int(message.height), int(message.point_step)
+    if not offsets.keys() >= set("xyz") or message.is_bigendian or len(message.data) != count * step:
+        return None
+    if max(offsets[name] for name in "xyz") + 4 > step:
+        return None
+    kind = np.dtype(
+        {"names": [*"xyz"], "formats": ["<f4"] * 3, "offsets": [offsets[n] for n in "xyz"], "itemsize": step}
+    )
+    rows = np.frombuffer(message.data, kind)
+    return np.stack([rows[name] for name in "xyz"], axis=1).astype(np.float32)
 
 
 def _stamp_ns(message: Any) -> int:

@@ -4,55 +4,66 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib import resources
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 from room_layout_ros.datasets import DataError
 
 from .dashboard_page import dashboard_html
+from .dashboard_room import Room, state_of
 
 HOST = "127.0.0.1"
 """No other address: the page shows the inside of somebody's room."""
 
 
-@dataclass(frozen=True, slots=True)
-class Room:
-    """What the page shows of one frame.
+class Board:
+    """Holds the newest room; any thread may show one, any may look.
 
-    Attributes
+    Parameters
     ----------
-    name : of the frame. overlay, plan : JPEG bytes, empty where there is none.
-    polygons : (face id, corners in metres) of the visible faces. numbers : shown as they are. stages : milliseconds.
+    source : title on the page.
+    settle_s : how long the parts of a frame may come one after another; until then the frame before it is shown.
     """
 
-    name: str
-    overlay: bytes = b""
-    plan: bytes = b""
-    polygons: Sequence[tuple[int, Sequence[Sequence[float]]]] = ()
-    numbers: Mapping[str, str] = field(default_factory=dict)
-    stages: Mapping[str, float] = field(default_factory=dict)
-
-
-class Board:
-    """Holds the newest room; any thread may show one, any may look."""
-
-    def __init__(self, source: str) -> None:
+    def __init__(self, source: str, settle_s: float = 0.0) -> None:
         self.page = dashboard_html(source).encode()
+        self._settle_s = settle_s
         self._lock = threading.Lock()
-        self._number, self._room = -1, Room("")
+        self._begun = 0.0
+        self._newest = self._before = (-1, 0, Room(""))
 
     def show(self, room: Room) -> None:
-        """Replace what is shown."""
+        """Replace what is shown; a room of the same name is the same frame with more of its parts."""
         with self._lock:
-            self._number, self._room = self._number + 1, room
+            number, frames, newest = self._newest
+            if frames == 0 or room.name != newest.name:
+                self._before, self._begun, frames = self._newest, time.monotonic(), frames + 1
+            self._newest = number + 1, frames, room
 
-    def look(self) -> tuple[int, Room]:
-        """Return the running number (-1: nothing yet) and the room."""
+    def look(self) -> tuple[int, int, Room]:
+        """Return the running number (-1: nothing yet), the count of frames up to this one, and the room."""
         with self._lock:
-            return self._number, self._room
+            settled = time.monotonic() - self._begun >= self._settle_s
+            return self._newest if settled else self._before
+
+
+def plotly_script() -> bytes:
+    """Return plotly.js, which the Python package brings, so that the page needs no internet.
+
+    Raises
+    ------
+    DataError
+        When Plotly is not installed.
+    """
+    try:
+        import plotly
+
+        return (resources.files(plotly) / "package_data" / "plotly.min.js").read_bytes()
+    except (ImportError, FileNotFoundError):
+        raise DataError("the dashboard needs Plotly: pip install 'room_layout_ros[viz]'") from None
 
 
 def serve(board: Board, port: int) -> ThreadingHTTPServer:
@@ -61,11 +72,11 @@ def serve(board: Board, port: int) -> ThreadingHTTPServer:
     Raises
     ------
     DataError
-        When the port is taken.
+        When the port is taken, or Plotly is not installed.
     """
 
     class Handler(_Handler):
-        shown = board
+        shown, plotly = board, plotly_script()
 
     try:
         server = ThreadingHTTPServer((HOST, port), Handler)
@@ -78,42 +89,34 @@ def serve(board: Board, port: int) -> ThreadingHTTPServer:
 
 class _Handler(BaseHTTPRequestHandler):
     shown: Board
+    plotly: bytes
 
     def do_GET(self) -> None:
         """Answer one request."""
-        number, room = self.shown.look()
-        path = urlsplit(self.path).path
-        if path == "/":
+        number, frames, room = self.shown.look()
+        url = urlsplit(self.path)
+        if url.path == "/":
             self._answer(self.shown.page, "text/html; charset=utf-8")
-        elif path == "/state.json":
-            self._answer(json.dumps(_state(number, room)).encode(), "application/json")
-        elif path == "/overlay.jpg" and room.overlay:
+        elif url.path == "/plotly.min.js":
+            self._answer(self.plotly, "text/javascript; charset=utf-8")
+        elif url.path == "/state.json" and parse_qs(url.query).get("after") == [str(number)]:
+            self._answer(b"", "application/json", 204)
+        elif url.path == "/state.json":
+            self._answer(json.dumps(state_of(number, frames, room)).encode(), "application/json")
+        elif url.path == "/overlay.jpg" and room.overlay:
             self._answer(room.overlay, "image/jpeg")
-        elif path == "/plan.jpg" and room.plan:
-            self._answer(room.plan, "image/jpeg")
         else:
             self.send_error(404)
 
-    def _answer(self, content: bytes, kind: str) -> None:
-        self.send_response(200)
+    def _answer(self, content: bytes, kind: str, code: int = 200) -> None:
+        self.send_response(code)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(content)))
         self.send_header("Cache-Control", "no-store")
         # Nothing but this server: what a bag or a topic says can load and send nothing elsewhere.
-        self.send_header("Content-Security-Policy", "default-src 'self' 'unsafe-inline'")
+        self.send_header("Content-Security-Policy", "default-src 'self' 'unsafe-inline'; img-src 'self' data: blob:")
         self.end_headers()
         self.wfile.write(content)
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 - the name is the base class's
         """Say nothing: ten requests a second are no news."""
-
-
-def _state(number: int, room: Room) -> dict[str, Any]:
-    return {
-        "number": number,
-        "name": room.name,
-        "plan": bool(room.plan),
-        "polygons": [{"face": face, "points": points} for face, points in room.polygons],
-        "numbers": dict(room.numbers),
-        "stages": dict(room.stages),
-    }
