@@ -210,12 +210,15 @@ def connect(index, min_pixels, gap_px, row_px, height):  # type: ignore[no-untyp
             label = ids[component[run]]
             for x in range(start[run], x1):
                 connected[y, x] = label
-    pairs = np.empty((len(neighbour), 2), np.int32)
+    pairs, overlap = np.empty((len(neighbour) // 2, 2), np.int32), np.empty(len(neighbour) // 2, np.int32)
+    m = 0
     for piece in range(pieces):
         for i in range(first[piece], first[piece + 1]):
-            pairs[i, 0], pairs[i, 1] = piece, neighbour[i]
-    edges, edge_length = regroup_edges(pairs, length, ids, count)
-    return connected, edges, edge_length // 2
+            if piece < neighbour[i] and ids[piece] != ids[neighbour[i]]:  # each border is in the lists of both
+                pairs[m, 0], pairs[m, 1], overlap[m] = piece, neighbour[i], length[i]
+                m += 1
+    edges, edge_length = regroup_edges(pairs[:m], overlap[:m], ids, count)
+    return connected, edges, edge_length
 
 
 @njit(cache=True, nogil=True)
@@ -244,14 +247,23 @@ def regroup_edges(edges, edge_length, ids, count):  # type: ignore[no-untyped-de
         k = 0
         for i in range(first[a], first[a + 1]):
             if total[other[i]] == 0:
-                found[k] = other[i]
+                _insert(found, k, other[i])
                 k += 1
             total[other[i]] += length[i]
-        for b in np.sort(found[:k]):
+        for b in found[:k]:
             grouped[m, 0], grouped[m, 1], grouped_length[m] = a, b, total[b]
             total[b] = 0
             m += 1
     return grouped[:m].copy(), grouped_length[:m].copy()
+
+
+@njit(cache=True, nogil=True)
+def _insert(ascending, k, value):  # type: ignore[no-untyped-def]
+    """Insert into the first `k` numbers: a superpixel has few neighbours, and np.sort makes an array."""
+    while k > 0 and ascending[k - 1] > value:
+        ascending[k] = ascending[k - 1]
+        k -= 1
+    ascending[k] = value
 
 
 @njit(cache=True, nogil=True)
@@ -271,8 +283,9 @@ def expand(index, ids, count, row_px, height):  # type: ignore[no-untyped-def]
             moments[k, 0] += (x1 - x0) * (y1 - y0)
             moments[k, 1] += (x1 - x0) * (y1 - y0) * (x0 + x1 - 1) * 0.5
             moments[k, 2] += (x1 - x0) * (y1 - y0) * (y0 + y1 - 1) * 0.5
-            for y in range(y0, y1):
-                for x in range(x0, x1):
-                    full[y, x] = k
             x0 = x1
+        for x in range(width):
+            full[y0, x] = ids[index[row, x]]
+        for y in range(y0 + 1, y1):
+            full[y] = full[y0]
     return full, moments

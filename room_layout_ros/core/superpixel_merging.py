@@ -16,41 +16,39 @@ def merge_superpixels(sums, edges, wanted, color, depth, noise, noise_quantum, p
     the growth of its squared errors, color per unit of Lab and depth per variance of inverse depth, that is
     n_a n_b / (n_a + n_b) color |c_a - c_b|^2 + depth (SSE_ab - SSE_a - SSE_b) / noise^2 of the planes' residuals.
     """
-    count = len(sums)
-    sums = sums.copy()
+    count, n_edges = len(sums), len(edges)
+    sums, ends = sums.copy(), edges.copy()
     parent = np.arange(count)
+    scratch = np.empty(sums.shape[1])
     sse = np.empty(count)
     for k in range(count):
         sse[k] = plane_sse(sums[k])
-    a, b = edges[:, 0].copy(), edges[:, 1].copy()
-    m = len(a)
-    cost = np.empty(m)
-    best = 0
-    for e in range(m):
-        cost[e] = _pair_cost(sums, sse, a[e], b[e], color, depth, noise, noise_quantum, power)
-        if cost[e] < cost[best]:
-            best = e
+    head, tail, following = _edges_of_nodes(ends, count)
+    cost = np.empty(n_edges)
+    for e in range(n_edges):
+        cost[e] = _pair_cost(sums, sse, ends[e, 0], ends[e, 1], scratch, color, depth, noise, noise_quantum, power)
     left = count
-    while left > wanted and m > 0:
-        keep, gone = min(a[best], b[best]), max(a[best], b[best])
+    while left > wanted and n_edges > 0:
+        best = np.argmin(cost)
+        if cost[best] == np.inf:
+            break
+        keep, gone = min(ends[best]), max(ends[best])
         parent[gone] = keep
         sums[keep] += sums[gone]
         sse[keep] = plane_sse(sums[keep])
         left -= 1
-        e, best = 0, 0
-        while e < m:
-            i, j = a[e], b[e]
-            if i in (keep, gone) or j in (keep, gone):
-                i, j = keep if i == gone else i, keep if j == gone else j
+        following[tail[keep]], tail[keep] = head[gone], tail[gone]
+        place = head[keep]
+        while place >= 0:  # the edges of both
+            e = place // 2
+            if e < n_edges:
+                ends[e, place % 2] = keep
+                i, j = ends[e]
                 if i == j:
-                    m -= 1
-                    a[e], b[e], cost[e] = a[m], b[m], cost[m]
-                    continue
-                a[e], b[e] = i, j
-                cost[e] = _pair_cost(sums, sse, i, j, color, depth, noise, noise_quantum, power)
-            if cost[e] < cost[best]:
-                best = e
-            e += 1
+                    cost[e] = np.inf
+                else:
+                    cost[e] = _pair_cost(sums, sse, i, j, scratch, color, depth, noise, noise_quantum, power)
+            place = following[place]
     ids = np.empty(count, np.int32)
     n = 0
     for k in range(count):
@@ -68,7 +66,22 @@ def merge_superpixels(sums, edges, wanted, color, depth, noise, noise_quantum, p
 
 
 @njit(cache=True, nogil=True)
-def _pair_cost(sums, sse, a, b, color, depth, noise, noise_quantum, power):  # type: ignore[no-untyped-def]
+def _edges_of_nodes(ends, count):  # type: ignore[no-untyped-def]
+    """Linked lists of the edges of each node: first and last place per node, next place; place 2 e + side, -1 ends.
+
+    Each list begins with a place of its own behind those of the edges, so that none is empty.
+    """
+    n = 2 * len(ends)
+    following = np.full(n + count, -1)
+    head, tail = np.arange(n, n + count), np.arange(n, n + count)
+    for place in range(n):
+        node = ends[place // 2, place % 2]
+        following[tail[node]], tail[node] = place, place
+    return head, tail, following
+
+
+@njit(cache=True, nogil=True)
+def _pair_cost(sums, sse, a, b, scratch, color, depth, noise, noise_quantum, power):  # type: ignore[no-untyped-def]
     s, t = sums[a], sums[b]
     n, m = s[0], t[0]
     weight = (n * m / (n + m)) ** power
@@ -77,9 +90,10 @@ def _pair_cost(sums, sse, a, b, color, depth, noise, noise_quantum, power):  # t
         difference += (s[c] / n - t[c] / m) ** 2
     cost = weight * color * difference
     if depth > 0 and s[9] > 0 and t[9] > 0:
-        joint = s + t
-        growth = max(0.0, plane_sse(joint) - sse[a] - sse[b])
-        w = joint[15] / joint[9]
+        for k in range(len(scratch)):
+            scratch[k] = s[k] + t[k]
+        growth = max(0.0, plane_sse(scratch) - sse[a] - sse[b])
+        w = scratch[15] / scratch[9]
         variance = plane_variance(w, noise, noise_quantum)
         pairs = s[9] * t[9] / (s[9] + t[9])
         cost += weight * depth * min(growth / (variance * pairs), 100.0)

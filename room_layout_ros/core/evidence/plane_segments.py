@@ -47,14 +47,7 @@ def compute_plane_segments(
     point : (K, 3) float64 centroids in the same frame, m; NaN without depth.
     """
     kind, cost = _relate(superpixels.edges, normal, distance, point)
-    border = np.zeros((superpixels.count, 5), np.float32)
-    total = np.zeros(superpixels.count, np.float32)
-    for side in range(2):
-        np.add.at(total, superpixels.edges[:, side], superpixels.edge_length)
-        seen = np.where(kind < 2, kind ^ side, kind)  # farther and nearer swap with the side
-        known = kind >= 0
-        np.add.at(border, (superpixels.edges[known, side], seen[known]), superpixels.edge_length[known])
-    border /= np.maximum(total, 1.0)[:, None]
+    border = _border_shares(superpixels.count, superpixels.edges, superpixels.edge_length, kind)
     segment, count = _join(superpixels.count, superpixels.edges, kind, np.argsort(cost, kind="stable"))
     return PlaneSegments(segment, count, border)
 
@@ -99,6 +92,22 @@ def _relate(edges, normal, distance, point):  # type: ignore[no-untyped-def]
         elif cosine < _CREASE_COS:
             kind[e] = 3 if off_i + off_j < 0.0 else 4
     return kind, cost
+
+
+@njit(cache=True, nogil=True)
+def _border_shares(count, edges, length, kind):  # type: ignore[no-untyped-def]
+    border = np.zeros((count, 5), np.float32)
+    total = np.zeros(count, np.float32)
+    for e in range(edges.shape[0]):
+        for side in range(2):
+            i = edges[e, side]
+            total[i] += length[e]
+            if kind[e] >= 0:
+                seen = kind[e] ^ side if kind[e] < 2 else kind[e]  # farther and nearer swap with the side
+                border[i, seen] += length[e]
+    for i in range(count):
+        border[i] /= max(total[i], np.float32(1.0))
+    return border
 
 
 @njit(cache=True, nogil=True)
