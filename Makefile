@@ -79,7 +79,7 @@ oldest: .venv-oldest/.installed
 	@[ -x .venv-oldest/bin/python ] || $(PYTHON) -m venv .venv-oldest
 	.venv-oldest/bin/python -m pip install --quiet --constraint constraints-oldest.txt pip setuptools wheel
 	PYTHONWARNINGS=ignore .venv-oldest/bin/python -m pip install --quiet --no-build-isolation --constraint constraints-oldest.txt \
-	  --editable '.[test,playback,datasets,train]' matplotlib pillow
+	  --editable '.[test,playback,datasets,train]' matplotlib pillow plotly
 	@touch $@
 
 clean:
