@@ -87,7 +87,7 @@ def test_shown_rooms_are_the_estimators(board: Board, server: ThreadingHTTPServe
 
 def test_what_the_page_has_is_not_sent_again(board: Board, server: ThreadingHTTPServer) -> None:
     board.show(Room("first"))
-    assert get(server, "state.json?after=0") == b""
+    assert get(server, "state.json?after=0") == b"null"
     board.show(Room("second"))
     assert json.loads(get(server, "state.json?after=0"))["name"] == "second"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from http.server import ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +35,8 @@ pytest.importorskip("plotly", reason="plotly is not installed (extra viz)")
 class Page:
     """The dashboard open in a browser."""
 
-    def __init__(self, board: Board, browser: Browser) -> None:
-        self.board, self.browser = board, browser
+    def __init__(self, board: Board, server: ThreadingHTTPServer, browser: Browser) -> None:
+        self.board, self.server, self.browser = board, server, browser
 
     def wait(self) -> None:
         """Wait until the newest room is drawn, and its picture decoded."""
@@ -86,7 +87,7 @@ def open_page(board: Board, folder: Path) -> Iterator[Page]:
     try:
         browser.open(f"http://{HOST}:{server.server_address[1]}/")
         browser.wait_for("typeof drawn !== 'undefined'")
-        yield Page(board, browser)
+        yield Page(board, server, browser)
     finally:
         browser.close()
         server.shutdown()
@@ -259,12 +260,15 @@ def test_nothing_of_all_this_was_an_error(page: Page) -> None:
     assert page.browser.value("document.getElementById('age').textContent").startswith("frame ")
 
 
-def test_a_page_without_a_room_waits(tmp_path: Path) -> None:
+def test_a_page_without_a_room_waits_and_says_when_the_dashboard_ends(tmp_path: Path) -> None:
     for page in open_page(Board("nothing yet"), tmp_path):
         page.browser.wait_for("performance.now() > 1000")
         assert page.browser.value("document.getElementById('age').textContent") == "waiting for the first room"
         assert page.browser.value("document.querySelectorAll('.main-svg').length") == 0
         assert page.browser.errors == []
+        page.server.shutdown()
+        page.server.server_close()
+        page.browser.wait_for("document.getElementById('age').textContent === 'the dashboard has ended'")
 
 
 @pytest.mark.data

@@ -36,7 +36,7 @@ function cloudTrace(cloud) {
     color.push(`rgb(${rgb[3 * k]},${rgb[3 * k + 1]},${rgb[3 * k + 2]})`);
   }
   return {type: "scatter3d", mode: "markers", name: "points", showlegend: true, x, y, z,
-    marker: {size: 2.5, symbol: "square", color, line: {width: 0}},
+    marker: {size: 2, symbol: "square", color, line: {width: 0}},
     hovertemplate: "right %{x:.2f}<br>ahead %{y:.2f}<br>up %{z:.2f}"};
 }
 const CORNERS = [[-0.2, -0.15, 0.3], [0.2, -0.15, 0.3], [0.2, 0.15, 0.3], [-0.2, 0.15, 0.3]];
@@ -54,7 +54,8 @@ function ranges(traces) {
 function drawRoom(state) {
   const traces = [...FACES.flatMap(face => faceTraces(face, state.polygons)), CAMERA, cloudTrace(state.cloud)];
   const range = ranges(traces), unit = state.metric ? " [m]" : " [front wall = 1]";
-  const side = (name, key) => axis(name + unit, {range: range[key], showbackground: false, showspikes: false});
+  const side = (name, key) =>
+    axis(name + unit, {range: range[key], nticks: 6, showbackground: false, showspikes: false});
   return Plotly.react("room", traces, dark({
     legend: {x: 0, y: 1, bgcolor: "rgba(0,0,0,0)"},
     scene: {xaxis: side("right", "x"), yaxis: side("ahead", "y"), zaxis: side("up", "z"), aspectmode: "data",
@@ -136,22 +137,25 @@ async function draw(state) {
   if (held) waiting = state; else await drawRoom(state);
   await Promise.all([drawPlan(state), drawStages(state), drawRate(state)]);
 }
+function tellAge(answered) {
+  const age = (performance.now() - drawnAt) / 1000;
+  $("age").className = !answered || (shown >= 0 && age > 3) ? "bad" : "";
+  $("age").textContent = !answered ? "the dashboard has ended"
+    : shown < 0 ? "waiting for the first room" : `frame ${name}, ${age.toFixed(1)} s ago`;
+}
 async function poll() {
-  let answer = null;
-  try { answer = await fetch("state.json?after=" + shown, {cache: "no-store"}); } catch (error) { }
-  if (answer && answer.status === 200) {
-    const state = await answer.json();
-    if (state.number >= 0) {
+  // undefined: no answer. null: nothing new.
+  const state = await fetch("state.json?after=" + shown).then(answer => answer.json()).catch(() => undefined);
+  try {
+    if (state) {
       shown = state.number; name = state.name; drawnAt = performance.now();
       await draw(state);
       drawn = state.number;
     }
+  } finally {
+    tellAge(state !== undefined);
+    setTimeout(poll, 120);
   }
-  const age = (performance.now() - drawnAt) / 1000;
-  $("age").className = !answer || (shown >= 0 && age > 3) ? "bad" : "";
-  $("age").textContent = !answer ? "the dashboard has ended"
-    : shown < 0 ? "waiting for the first room" : `frame ${name}, ${age.toFixed(1)} s ago`;
-  setTimeout(poll, 120);
 }
 poll();
 """

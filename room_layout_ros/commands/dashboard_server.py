@@ -100,7 +100,7 @@ class _Handler(BaseHTTPRequestHandler):
         elif url.path == "/plotly.min.js":
             self._answer(self.plotly, "text/javascript; charset=utf-8")
         elif url.path == "/state.json" and parse_qs(url.query).get("after") == [str(number)]:
-            self._answer(b"", "application/json", 204)
+            self._answer(b"null", "application/json")  # the page has it
         elif url.path == "/state.json":
             self._answer(json.dumps(state_of(number, frames, room)).encode(), "application/json")
         elif url.path == "/overlay.jpg" and room.overlay:
@@ -108,8 +108,8 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             self.send_error(404)
 
-    def _answer(self, content: bytes, kind: str, code: int = 200) -> None:
-        self.send_response(code)
+    def _answer(self, content: bytes, kind: str) -> None:
+        self.send_response(200)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(content)))
         self.send_header("Cache-Control", "no-store")
