@@ -25,19 +25,19 @@ from numpy.typing import NDArray
 from benchmarks._frames import DATA
 from room_layout_ros.core.conclusion import refine_cuboid
 from room_layout_ros.core.config import EstimatorConfig, parameters
-from room_layout_ros.core.depth import DepthGeometry, compute_depth_geometry
+from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.depth_estimator import estimate_from_depth
-from room_layout_ros.core.evidence.features import add_scene
+from room_layout_ros.core.estimate import Status
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.frame_evidence import classify_superpixels, describe_superpixels, gather_hypotheses
+from room_layout_ros.core.frame_evidence import classify_superpixels, gather_hypotheses
 from room_layout_ros.core.joint import estimate_joint
 from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.core.layout import RoomCuboid
-from room_layout_ros.core.lines import compute_line_segments
-from room_layout_ros.core.manhattan import ManhattanFrame, find_axes
+from room_layout_ros.core.manhattan import find_axes
 from room_layout_ros.core.models import Models, load_models, load_scene_network
-from room_layout_ros.core.scene_network import SceneScores, SuperpixelScene, compute_scene_scores, pool_scene
-from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
+from room_layout_ros.core.observation import Observation, observe
+from room_layout_ros.core.scene_network import compute_scene_scores
+from room_layout_ros.core.superpixels import Superpixels
 from room_layout_ros.core.tracking import TemporalPrior
 from room_layout_ros.core.weights import BLOCKS, ModelWeights, start_weights, uses
 from room_layout_ros.datasets import FramesFolder, FrameTruth, Sample, good_samples, open_folder
@@ -71,13 +71,8 @@ class Variant:
 class Stages:
     """What comes before the joint model; `milliseconds` of CPU it took."""
 
-    geometry: DepthGeometry | None
-    axes: ManhattanFrame
-    superpixels: Superpixels
+    seen: Observation
     context: NDArray[np.float64] | None
-    orientation: Image | None
-    scores: SceneScores | None
-    scene: SuperpixelScene | None
     milliseconds: float
 
 
@@ -206,26 +201,18 @@ def _apply(variant: Variant, frame: RgbdFrame, cache: dict[object, Stages | None
     stages = cache[key]
     if stages is None:
         return None
-    start = time.thread_time()
-    geometry, axes, superpixels, camera = stages.geometry, stages.axes, stages.superpixels, frame.camera
-    metric = geometry is not None
-    evidence = gather_hypotheses(
-        superpixels,
-        axes,
-        camera,
-        stages.context,
-        stages.orientation,
-        stages.scene,
-        metric,
-        config.axes_hypotheses if metric else config.axes_hypotheses_rgb,
-    )
-    weights = variant.weights(load_models(metric, stages.scene is not None))
-    joint = estimate_joint(camera, superpixels, evidence, geometry, weights, config)
+    start = time.process_time()
+    seen, context, camera = stages.seen, stages.context, frame.camera
+    superpixels, axes, metric = seen.superpixels, seen.axes, seen.geometry is not None
+    count = config.axes_hypotheses if metric else config.axes_hypotheses_rgb
+    evidence = gather_hypotheses(superpixels, axes, camera, context, seen.orientation, seen.scene, metric, count)
+    weights = variant.weights(load_models(metric, seen.scene is not None))
+    joint = estimate_joint(camera, superpixels, evidence, seen.geometry, weights, config)
     room = joint.cuboid
     if variant.refined:
-        room = refine_cuboid(joint, geometry, camera, superpixels, stages.context, axes, stages.scores).cuboid
+        room = refine_cuboid(joint, seen.geometry, camera, superpixels, context, axes, seen.scores).cuboid
     layout, labels = _paint(room, joint.labels, superpixels, frame)
-    milliseconds = stages.milliseconds + 1e3 * (time.thread_time() - start)
+    milliseconds = stages.milliseconds + 1e3 * (time.process_time() - start)
     return Row(layout, labels, joint.cuboid.raster(camera), milliseconds)
 
 
@@ -239,42 +226,33 @@ def _paint(
 
 def _prepare(frame: RgbdFrame, config: EstimatorConfig, lines_in_axes: bool) -> Stages | None:
     """Run the stages of `LayoutEstimator.estimate` up to the geometric context."""
-    start = time.thread_time()
-    geometry = compute_depth_geometry(frame, config)
-    inverse_depth = None if geometry is None else geometry.inverse_depth
-    segments = None if frame.color is None else compute_line_segments(frame.color, config)
-    axes = find_axes(geometry, segments if lines_in_axes else None, frame.camera, config, TemporalPrior())
-    if axes is None:
-        return None
-    superpixels = compute_superpixels(frame.color, inverse_depth, config)
+    start = time.process_time()
+    axes = None
+    if not lines_in_axes:
+        axes = find_axes(compute_depth_geometry(frame, config), None, frame.camera, config, TemporalPrior())
     looks = config.scene_network and uses(config.joint_variant, "layout_scene")
-    scores = compute_scene_scores(frame.color, load_scene_network() if looks else None)
-    scene = pool_scene(scores, superpixels.index, superpixels.count)
-    features, orientation = describe_superpixels(
-        superpixels, frame.color, inverse_depth, axes, frame.camera, segments, config.joint_variant
-    )
-    features = add_scene(features, scene)
-    forest = load_models(geometry is not None, scene is not None).context
-    context = classify_superpixels(features, forest, config.joint_variant)
-    return Stages(geometry, axes, superpixels, context, orientation, scores, scene, 1e3 * (time.thread_time() - start))
+    network = load_scene_network() if looks else None
+    seen = observe(frame, config, lambda one: compute_scene_scores(one.color, network), axes=axes)
+    if isinstance(seen, Status):
+        return None
+    forest = load_models(seen.geometry is not None, seen.scene is not None).context
+    context = classify_superpixels(seen.features, forest, config.joint_variant)
+    return Stages(seen, context, 1e3 * (time.process_time() - start))
 
 
 def _simple(frame: RgbdFrame) -> Row | None:
-    start, config = time.thread_time(), EstimatorConfig()
-    geometry = compute_depth_geometry(frame, config)
-    segments = None if frame.color is None else compute_line_segments(frame.color, config)
-    axes = find_axes(geometry, segments, frame.camera, config, TemporalPrior())
-    if geometry is None or axes is None:
+    start, config = time.process_time(), EstimatorConfig()
+    seen = observe(frame, config)
+    if isinstance(seen, Status) or seen.geometry is None:
         return None
-    superpixels = compute_superpixels(frame.color, geometry.inverse_depth, config)
-    found = estimate_from_depth(frame, geometry, axes, superpixels, {})
-    return Row(found.layout, found.labels, None, 1e3 * (time.thread_time() - start))
+    found = estimate_from_depth(frame, seen.geometry, seen.axes, seen.superpixels, {})
+    return Row(found.layout, found.labels, None, 1e3 * (time.process_time() - start))
 
 
 def _percentile(sample: Sample) -> Row:
-    start = time.thread_time()
+    start = time.process_time()
     found = percentile_walls(sample)
-    return Row(found.layout, found.labels, None, 1e3 * (time.thread_time() - start))
+    return Row(found.layout, found.labels, None, 1e3 * (time.process_time() - start))
 
 
 if __name__ == "__main__":

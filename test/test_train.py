@@ -146,7 +146,7 @@ def test_frames_without_depth_make_examples_too() -> None:
     if found is not None:  # axes of lines alone may be too far off to say the truth
         assert found.problems[0].profiles is None
         assert found.truth_scale == 1.0
-    assert d.geometry is None
+    assert d.seen.geometry is None
 
 
 def test_folds_keep_neighbours_apart() -> None:

@@ -8,20 +8,16 @@ from pathlib import Path
 
 from .conclusion import conclude, refine_cuboid
 from .config import EstimatorConfig
-from .depth import compute_depth_geometry
 from .depth_estimator import estimate_from_depth
 from .estimate import RoomEstimate, Status, no_estimate
-from .evidence.features import add_scene
 from .frame import RgbdFrame
-from .frame_evidence import classify_superpixels, describe_superpixels, gather_hypotheses
+from .frame_evidence import classify_superpixels, gather_hypotheses
 from .furniture import find_furniture
 from .joint import estimate_joint
-from .lines import compute_line_segments
-from .manhattan import find_axes
 from .models import load_models, load_scene_network
-from .scene_network import compute_scene_scores, pool_scene
+from .observation import observe
+from .scene_network import SceneScores, compute_scene_scores
 from .stage_clock import StageClock
-from .superpixels import compute_superpixels
 from .tracking import TemporalPrior
 from .weights import uses
 
@@ -69,36 +65,36 @@ class LayoutEstimator:
             Always; its `status` says whether a room was found.
         """
         run, config, camera = StageClock(), self.config, frame.camera
-        color = frame.color if config.use_color else None
-        geometry = run("depth", compute_depth_geometry, frame, config)
-        if geometry is None and color is None:
-            return no_estimate(Status.NO_DEPTH, frame, run.timings_ms)
-        inverse_depth = None if geometry is None else geometry.inverse_depth
-
+        seen = observe(frame, config, self.look, prior, run)
+        if isinstance(seen, Status):
+            return no_estimate(seen, frame, run.timings_ms)
+        geometry, axes, superpixels = seen.geometry, seen.axes, seen.superpixels
         metric, variant = geometry is not None, config.joint_variant
-        with run.beside("scene", compute_scene_scores, color, self.network) as scores_found:
-            with run.beside("superpixels", compute_superpixels, color, inverse_depth, config) as superpixels_found:
-                segments = None if color is None else run("lines", compute_line_segments, color, config)
-                axes = run("axes", find_axes, geometry, segments, camera, config, prior or TemporalPrior())
-            if axes is None:
-                return no_estimate(Status.NO_ROOM, frame, run.timings_ms)
-            superpixels = superpixels_found()
-            if config.method == "depth" and geometry is not None:
-                return run("layout", estimate_from_depth, frame, geometry, axes, superpixels, run.timings_ms)
-            features, orientation = run(
-                "features", describe_superpixels, superpixels, color, inverse_depth, axes, camera, segments, variant
-            )
-        scores = scores_found()
-        models = self.models[metric, scores is not None]
-        scene = run("pooling", pool_scene, scores, superpixels.index, superpixels.count)
-        features = add_scene(features, scene)
-        context = run("context", classify_superpixels, features, models.context, variant)
+        if config.method == "depth" and geometry is not None:
+            return run("layout", estimate_from_depth, frame, geometry, axes, superpixels, run.timings_ms)
+        models = self.models[metric, seen.scene is not None]
+        context = run("context", classify_superpixels, seen.features, models.context, variant)
         count = config.axes_hypotheses if metric else config.axes_hypotheses_rgb
         evidence = run(
-            "evidence", gather_hypotheses, superpixels, axes, camera, context, orientation, scene, metric, count
+            "evidence",
+            gather_hypotheses,
+            superpixels,
+            axes,
+            camera,
+            context,
+            seen.orientation,
+            seen.scene,
+            metric,
+            count,
         )
         joint = run("joint", estimate_joint, camera, superpixels, evidence, geometry, models.joint, config, expired)
-        with run.beside("furniture", find_furniture, superpixels, joint.labels, features, models.furniture) as drawn:
-            room = run("refinement", refine_cuboid, joint, geometry, camera, superpixels, context, axes, scores)
+        with run.beside(
+            "furniture", find_furniture, superpixels, joint.labels, seen.features, models.furniture
+        ) as drawn:
+            room = run("refinement", refine_cuboid, joint, geometry, camera, superpixels, context, axes, seen.scores)
         confidence = models.confidence
         return conclude(frame, axes, superpixels, joint, room, drawn(), confidence, run.timings_ms)
+
+    def look(self, frame: RgbdFrame) -> SceneScores | None:
+        """Ask the scene network about a frame; None without colour or network."""
+        return compute_scene_scores(frame.color if self.config.use_color else None, self.network)

@@ -100,9 +100,9 @@ def _steepest_first(norm):  # type: ignore[no-untyped-def]
     order = np.empty(first[_BINS], np.int32)
     for i in range(len(norm)):
         if norm[i] > 0:
-            k = _BINS - 1 - np.int32(norm[i] * per_unit)
-            order[first[k]] = i
-            first[k] += 1
+            step = _BINS - 1 - np.int32(norm[i] * per_unit)
+            order[first[step]] = i
+            first[step] += 1
     return order
 
 

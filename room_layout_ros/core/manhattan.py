@@ -262,7 +262,7 @@ def _azimuth_peaks(normals, weight, basis):  # type: ignore[no-untyped-def]
     for k in range(_AZIMUTH_BINS):
         smooth[k] += 0.7 * (histogram[k - 1] + histogram[(k + 1) % _AZIMUTH_BINS])
     while found < 2:
-        k = np.argmax(smooth)
+        k = int(np.argmax(smooth))
         if found > 0 and smooth[k] <= 0.02:
             break
         total = turned_total = 0.0

@@ -9,21 +9,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.depth_profiles import DepthProfiles
-from room_layout_ros.core.estimate import RoomEstimate
+from room_layout_ros.core.estimate import RoomEstimate, Status
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.evidence import pictures as evidence_pictures
 from room_layout_ros.core.evidence.depth_cues import compute_depth_cues
-from room_layout_ros.core.evidence.features import add_scene
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.frame_evidence import classify_superpixels, describe_superpixels
+from room_layout_ros.core.frame_evidence import classify_superpixels
 from room_layout_ros.core.joint_problem import FrameEvidence, build_joint_problem
-from room_layout_ros.core.lines import LineSegments, classify_segments, compute_line_segments
-from room_layout_ros.core.manhattan import ManhattanFrame, find_axes
-from room_layout_ros.core.scene_network import SceneScores, compute_scene_scores, pool_scene
-from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
-from room_layout_ros.core.tracking import TemporalPrior
+from room_layout_ros.core.lines import LineSegments, classify_segments
+from room_layout_ros.core.observation import observe
+from room_layout_ros.core.scene_network import SceneScores
+from room_layout_ros.core.superpixels import Superpixels
 from room_layout_ros.core.wall_naming import rename_walls
 
 from . import pictures
@@ -63,32 +60,22 @@ class Look:
 def look_at(frame: RgbdFrame, estimator: LayoutEstimator) -> Look:
     """Estimate a frame and gather its evidence, under the first naming of the axes, as the estimator does."""
     estimate, config, camera = estimator.estimate(frame), estimator.config, frame.camera
-    geometry = compute_depth_geometry(frame, config)
-    color = frame.color if config.use_color else None
-    inverse_depth = None if geometry is None else geometry.inverse_depth
-    segments = None if color is None else compute_line_segments(color, config)
-    axes: ManhattanFrame | None = None
-    if geometry is not None or segments is not None:
-        axes = find_axes(geometry, segments, camera, config, TemporalPrior())
-    if axes is None:
+    seen = observe(frame, config, estimator.look)
+    if isinstance(seen, Status):
         return Look(frame, estimate)
-    superpixels = compute_superpixels(color, inverse_depth, config)
-    scores = compute_scene_scores(color, estimator.network)
-    scene = pool_scene(scores, superpixels.index, superpixels.count)
-    features, orientation = describe_superpixels(
-        superpixels, color, inverse_depth, axes, camera, segments, config.joint_variant
-    )
-    features = add_scene(features, scene)
-    forest = estimator.models[geometry is not None, scene is not None].context
-    context = classify_superpixels(features, forest, config.joint_variant)
-    line_class = None if segments is None else classify_segments(segments, axes.R_room_camera, camera)
-    cues = None if geometry is None else compute_depth_cues(superpixels, axes.R_room_camera, camera)
-    R, profiles = axes.R_room_camera, None
+    geometry, segments, superpixels, R = seen.geometry, seen.segments, seen.superpixels, seen.axes.R_room_camera
+    forest = estimator.models[geometry is not None, seen.scene is not None].context
+    context = classify_superpixels(seen.features, forest, config.joint_variant)
+    line_class = None if segments is None else classify_segments(segments, R, camera)
+    cues = None if geometry is None else compute_depth_cues(superpixels, R, camera)
+    profiles = None
     if geometry is not None and estimate.cuboid is not None:
         named = None if context is None else rename_walls(context, R, estimate.R_room_camera)
         evidence = FrameEvidence(estimate.R_room_camera, context=named)
         profiles = build_joint_problem(camera, superpixels, evidence, geometry, config).profiles
-    return Look(frame, estimate, segments, line_class, orientation, superpixels, context, cues, R, profiles, scores)
+    return Look(
+        frame, estimate, segments, line_class, seen.orientation, superpixels, context, cues, R, profiles, seen.scores
+    )
 
 
 def _color(look: Look) -> Image:

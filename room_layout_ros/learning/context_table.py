@@ -10,17 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.config import EstimatorConfig
-from ..core.depth import compute_depth_geometry
-from ..core.evidence.features import SuperpixelFeatures, add_scene, compute_superpixel_features
-from ..core.evidence.orientation_map import compute_orientation_map
+from ..core.estimate import Status
+from ..core.evidence.features import SuperpixelFeatures
 from ..core.frame import RgbdFrame
 from ..core.labels import STRUCTURE_NYU40 as STRUCTURE
 from ..core.layout import RoomCuboid
-from ..core.lines import LineSegments, classify_segments, compute_line_segments
-from ..core.manhattan import estimate_manhattan_frame
-from ..core.scene_network import pool_scene
-from ..core.superpixels import Superpixels, compute_superpixels
-from ..core.vanishing_points import estimate_axes_from_lines
+from ..core.observation import no_scene, observe
+from ..core.superpixels import Superpixels
 from ..datasets.sample import Sample
 from .degradation import degrade_depth
 from .scene_folds import SceneFolds
@@ -151,27 +147,8 @@ def _stack(parts: list[tuple[SuperpixelFeatures, NDArray[np.float32], NDArray[np
 def describe_frame(
     frame: RgbdFrame, config: EstimatorConfig, networks: SceneFolds | None = None
 ) -> tuple[Superpixels, NDArray[np.float64], SuperpixelFeatures] | None:
-    """Superpixels, axes and features of a frame, by the stages the estimator uses; None without axes."""
-    geometry = compute_depth_geometry(frame, config) if config.use_depth else None
-    if config.use_depth and geometry is None:
+    """Superpixels, axes and features of a frame as the estimator sees it; None without axes or wanted depth."""
+    seen = observe(frame, config, no_scene if networks is None else networks.look)
+    if isinstance(seen, Status) or (config.use_depth and seen.geometry is None):
         return None
-    color = frame.color if config.use_color else None
-    segments = LineSegments(np.empty((0, 4), np.float32)) if color is None else compute_line_segments(color, config)
-    if geometry is not None:
-        axes = estimate_manhattan_frame(geometry)
-        if axes is None:
-            return None
-        R = axes.R_room_camera
-    else:
-        R = estimate_axes_from_lines(segments, frame.camera, config).R_room_camera
-    inverse = None if geometry is None else geometry.inverse_depth
-    superpixels = compute_superpixels(color, inverse, config)
-    line_class = classify_segments(segments, R, frame.camera)
-    orientation = compute_orientation_map(segments, line_class, R, frame.camera)
-    scores = None if networks is None or color is None else networks.look(frame)
-    scene = pool_scene(scores, superpixels.index, superpixels.count)
-    features = compute_superpixel_features(
-        superpixels, color, inverse, R, frame.camera, segments, line_class, orientation
-    )
-    features = add_scene(features, scene)
-    return superpixels, R, features
+    return seen.superpixels, seen.axes.R_room_camera, seen.features

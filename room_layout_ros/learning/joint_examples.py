@@ -8,21 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.config import EstimatorConfig
-from ..core.depth import DepthGeometry, compute_depth_geometry
 from ..core.energies import ExtraCosts, JointProblem, joint_features
-from ..core.evidence.features import SuperpixelFeatures, add_scene
+from ..core.estimate import Status
 from ..core.frame import CameraIntrinsics, RgbdFrame
-from ..core.frame_evidence import describe_superpixels, gather_hypotheses
+from ..core.frame_evidence import gather_hypotheses
 from ..core.integral_geometry import pair_tables
 from ..core.joint_problem import build_joint_problem, loss_costs
 from ..core.labels import CLUTTER, FRONT_WALL, N_FACES, N_LABELS
 from ..core.layout import RoomCuboid
 from ..core.layout_search import Layout, search_layout
-from ..core.lines import compute_line_segments
-from ..core.manhattan import ManhattanFrame, angle_between_frames, find_axes
-from ..core.scene_network import SuperpixelScene, pool_scene
-from ..core.superpixels import Superpixels, compute_superpixels
-from ..core.tracking import TemporalPrior
+from ..core.manhattan import angle_between_frames
+from ..core.observation import Observation, no_scene, observe
 from .losses import JointLoss, joint_loss
 from .scene_folds import SceneFolds
 from .superpixel_truth import class_histogram, label_histogram, rename_walls, true_labels
@@ -37,30 +33,24 @@ class FrameDescription:
 
     Attributes
     ----------
-    name : of the frame. camera, superpixels, geometry, axes, orientation, features : of the stages.
+    name, camera : of the frame. seen : in it, with an honest scene network where one was asked.
     cuboid : the true room. labels40 : (H, W) uint8 NYU40 classes.
-    scene : what an honest scene network says, None where none was asked.
     """
 
     name: str
     camera: CameraIntrinsics
-    superpixels: Superpixels
-    geometry: DepthGeometry | None
-    axes: ManhattanFrame
-    orientation: NDArray[np.uint8] | None
-    features: SuperpixelFeatures
+    seen: Observation
     cuboid: RoomCuboid
     labels40: NDArray[np.uint8]
-    scene: SuperpixelScene | None = None
 
     def class_counts(self) -> NDArray[np.float32]:
         """(K, 41) pixels per NYU40 id."""
-        return class_histogram(self.superpixels.index, self.superpixels.count, self.labels40)
+        return class_histogram(self.seen.superpixels.index, self.seen.superpixels.count, self.labels40)
 
     def label_counts(self) -> NDArray[np.float32]:
         """(K, 7) pixels per label id, walls named in the first naming of the axes."""
-        truth = true_labels(self.cuboid, self.cuboid.raster(self.camera), self.labels40, self.axes.R_room_camera)
-        return label_histogram(self.superpixels.index, self.superpixels.count, truth)
+        truth = true_labels(self.cuboid, self.cuboid.raster(self.camera), self.labels40, self.seen.axes.R_room_camera)
+        return label_histogram(self.seen.superpixels.index, self.seen.superpixels.count, truth)
 
 
 def describe(
@@ -71,23 +61,10 @@ def describe(
     networks: SceneFolds | None = None,
 ) -> FrameDescription | None:
     """Run the stages before the learned parts; None where the estimator itself would give up."""
-    geometry = compute_depth_geometry(frame, config) if config.use_depth else None
-    if config.use_depth and geometry is None:
+    seen = observe(frame, config, no_scene if networks is None else networks.look)
+    if isinstance(seen, Status) or (config.use_depth and seen.geometry is None):
         return None
-    color = frame.color if config.use_color else None
-    segments = None if color is None else compute_line_segments(color, config)
-    axes = find_axes(geometry, segments, frame.camera, config, TemporalPrior())
-    if axes is None:
-        return None
-    inverse = None if geometry is None else geometry.inverse_depth
-    superpixels = compute_superpixels(color, inverse, config)
-    scores = None if networks is None or color is None else networks.look(frame)
-    scene = pool_scene(scores, superpixels.index, superpixels.count)
-    features, orientation = describe_superpixels(superpixels, color, inverse, axes, frame.camera, segments)
-    features = add_scene(features, scene)
-    return FrameDescription(
-        frame.name, frame.camera, superpixels, geometry, axes, orientation, features, cuboid, labels40, scene
-    )
+    return FrameDescription(frame.name, frame.camera, seen, cuboid, labels40)
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,15 +109,16 @@ def build_example(
     hypotheses : int
         Namings of the axes to offer.
     """
-    d = description
+    d, seen = description, description.seen
     evidence = gather_hypotheses(
-        d.superpixels, d.axes, d.camera, context, d.orientation, d.scene, d.geometry is not None, hypotheses
+        *(seen.superpixels, seen.axes, d.camera, context),
+        *(seen.orientation, seen.scene, seen.geometry is not None, hypotheses),
     )
     true_layout = d.cuboid.raster(d.camera)
     problems, costs, stated = [], [], []
     for one in evidence:
         regions = rename_walls(d.cuboid, one.R_room_camera)[true_layout]
-        problem = build_joint_problem(d.camera, d.superpixels, one, d.geometry, config, regions)
+        problem = build_joint_problem(d.camera, seen.superpixels, one, seen.geometry, config, regions)
         shares = _label_shares(d, one.R_room_camera)
         problems.append(problem)
         costs.append(loss_costs(problem, shares))
@@ -158,7 +136,7 @@ def build_example(
 def _label_shares(d: FrameDescription, R: NDArray[np.float64]) -> NDArray[np.float64]:
     """(K, 6) share of the image that each superpixel has of each true label."""
     truth = true_labels(d.cuboid, d.cuboid.raster(d.camera), d.labels40, R)
-    counts = label_histogram(d.superpixels.index, d.superpixels.count, truth)
+    counts = label_histogram(d.seen.superpixels.index, d.seen.superpixels.count, truth)
     return counts[:, 1:].astype(np.float64) / truth.size
 
 

@@ -68,7 +68,7 @@ class FrameRows:
 def rows_of(description: FrameDescription) -> FrameRows:
     """Return the rows of a frame."""
     d = description
-    return FrameRows(d.name, d.features.values, d.features.names, d.label_counts(), d.class_counts())
+    return FrameRows(d.name, d.seen.features.values, d.seen.features.names, d.label_counts(), d.class_counts())
 
 
 def context_table(frames: Sequence[FrameRows]) -> ContextTable:

@@ -45,7 +45,7 @@ def segment_columns(
     columns: Columns = {
         "segment_area": np.bincount(segment, area, count) / area.sum(),
         "segment_members": np.bincount(segment, minlength=count).astype(np.float64),
-        "segment_m2": np.bincount(segment, size, count),
+        "segment_m2": np.asarray(np.bincount(segment, size, count), np.float64),
         "segment_top": box[:, 6] - extents.low[1],
         "segment_bottom": extents.high[1] - box[:, 7],
         "segment_height": box[:, 7] - box[:, 6],

@@ -1,0 +1,103 @@
+"""All that is seen in a frame before anything is decided: depth, lines, axes, superpixels, features, scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .config import EstimatorConfig
+from .depth import DepthGeometry, compute_depth_geometry
+from .estimate import Status
+from .evidence.features import SuperpixelFeatures, add_scene
+from .frame import RgbdFrame
+from .frame_evidence import describe_superpixels
+from .lines import LineSegments, compute_line_segments
+from .manhattan import ManhattanFrame, find_axes
+from .scene_network import SceneScores, SuperpixelScene, pool_scene
+from .stage_clock import StageClock
+from .superpixels import Superpixels, compute_superpixels
+from .tracking import TemporalPrior
+
+LookAtScene = Callable[[RgbdFrame], SceneScores | None]
+"""Asks a scene network; None where it has nothing to say (no colour)."""
+
+
+def no_scene(_frame: RgbdFrame) -> SceneScores | None:
+    """Ask no network."""
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What is seen in a frame; None where the frame has no such thing.
+
+    Attributes
+    ----------
+    geometry : of the depth. segments : lines of the picture. axes : of the room. superpixels : of both.
+    features : of the superpixels under `axes`, with those of the scene network.
+    orientation : (H, W) uint8 orientation map under `axes`.
+    scores : of the scene network by cell. scene : by superpixel.
+    """
+
+    geometry: DepthGeometry | None
+    segments: LineSegments | None
+    axes: ManhattanFrame
+    superpixels: Superpixels
+    features: SuperpixelFeatures
+    orientation: NDArray[np.uint8] | None
+    scores: SceneScores | None
+    scene: SuperpixelScene | None
+
+
+def observe(
+    frame: RgbdFrame,
+    config: EstimatorConfig,
+    look: LookAtScene = no_scene,
+    prior: TemporalPrior | None = None,
+    run: StageClock | None = None,
+    axes: ManhattanFrame | None = None,
+) -> Observation | Status:
+    """Look at a frame.
+
+    Parameters
+    ----------
+    frame : RgbdFrame
+    config : EstimatorConfig
+    look : LookAtScene
+        The scene network; none by default.
+    prior : TemporalPrior, optional
+        Of the previous frame.
+    run : StageClock, optional
+        Books the time of each stage.
+    axes : ManhattanFrame, optional
+        Of the room, where they are not to be found but given.
+
+    Returns
+    -------
+    Observation or Status
+        The reason where there is nothing to see.
+    """
+    run = run or StageClock()
+    color = frame.color if config.use_color else None
+    geometry = run("depth", compute_depth_geometry, frame, config)
+    if geometry is None and color is None:
+        return Status.NO_DEPTH
+    inverse_depth = None if geometry is None else geometry.inverse_depth
+    with run.beside("scene", look, frame) as scores_found:
+        with run.beside("superpixels", compute_superpixels, color, inverse_depth, config) as superpixels_found:
+            segments = None if color is None else run("lines", compute_line_segments, color, config)
+            if axes is None:
+                axes = run("axes", find_axes, geometry, segments, frame.camera, config, prior or TemporalPrior())
+        if axes is None:
+            return Status.NO_ROOM
+        superpixels = superpixels_found()
+        features, orientation = run(
+            "features", describe_superpixels, superpixels, color, inverse_depth, axes, frame.camera, segments,
+            config.joint_variant,
+        )  # fmt: skip
+    scores = scores_found()
+    scene = run("pooling", pool_scene, scores, superpixels.index, superpixels.count)
+    return Observation(geometry, segments, axes, superpixels, add_scene(features, scene), orientation, scores, scene)
