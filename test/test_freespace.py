@@ -12,7 +12,7 @@ from naive_free_space import naive_cells
 from room_layout_ros.core.cuboids import compute_object_cuboids
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.depth_holes import close_holes
-from room_layout_ros.core.floor_cells import sum_floor_cells
+from room_layout_ros.core.floor_cells import BLIND, BRIDGE, HOLE, OBSTACLE, SEEN, sum_floor_cells
 from room_layout_ros.core.floor_frame import floor_frame, room_outline, walls_on_floor
 from room_layout_ros.core.floor_plane import FloorFit, FloorPlane, fit_floor
 from room_layout_ros.core.frame import CameraIntrinsics
@@ -63,15 +63,17 @@ def test_sums_equal_their_naive_twin() -> None:
     fit = FloorFit(sample.truth.down_camera, sample.truth.camera_height_m, np.full(24, 0.007), np.zeros((1, 1)), 1, "")
     holes = close_holes(geometry.inverse_depth, np.full(geometry.inverse_depth.shape, FLOOR, np.uint8), None)
     cells = sum_floor_cells(geometry, holes.kind, fit, T, walls, CONFIG)
-    seen, obstacle, hole, gap, kinds = naive_cells(geometry, T, 0.007, walls, cells.seen.shape, 0.05, (0.02, 3.5, 2.0))
+    seen, obstacle, hole, gap, kinds = naive_cells(
+        geometry, T, 0.007, walls, cells.sums.shape[:2], 0.05, (0.02, 3.5, 2.0)
+    )
     assert np.array_equal(cells.kind, kinds)
     assert np.count_nonzero(np.bincount(kinds.ravel(), minlength=6)) == 6, "every kind of pixel must occur"
-    np.testing.assert_allclose(cells.seen, seen, rtol=1e-4, atol=1e-5)
-    np.testing.assert_allclose(cells.obstacle, obstacle, rtol=1e-4, atol=1e-5)
-    np.testing.assert_allclose(cells.hole, hole, rtol=1e-4, atol=1e-5)
-    np.testing.assert_allclose(cells.gap, gap, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(cells.sums[..., SEEN], seen, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(cells.sums[..., OBSTACLE], obstacle, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(cells.sums[..., HOLE], hole, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(cells.sums[..., BLIND], gap, rtol=1e-4, atol=1e-5)
     assert gap.max() > 0.1
-    assert not cells.bridged.any(), "no picture, no bridge"
+    assert not cells.sums[..., BRIDGE].any(), "no picture, no bridge"
 
 
 def test_the_floor_frame_is_that_of_rep_103() -> None:

@@ -25,7 +25,6 @@ _WINDOW = np.ones((5, 5), np.uint8)
 _RIM_PX = 4
 """Rows around the holes that the window and the blur before it look at."""
 
-_NEXT = np.ones((3, 3), np.uint8)
 _MAX_CONTRAST = 18
 """Grey levels between the brightest and the darkest of a window, above which an outline may run through it."""
 
@@ -59,51 +58,89 @@ def close_holes(
     labels : (H, W) uint8 of the estimate.
     color : (H, W, 3) uint8 RGB, or None: without a picture no hole in the floor is closed.
     """
-    hole = inverse_depth <= 0.0
-    kind = np.where(hole, np.uint8(GAP), np.uint8(MEASURED))
-    floor = labels == FLOOR
-    rows = np.flatnonzero((hole & floor).any(axis=1))
-    if color is not None and len(rows):
-        part = slice(max(int(rows[0]) - _RIM_PX, 0), int(rows[-1]) + 1 + _RIM_PX)
-        kind[part][_is_floor_by_picture(hole[part], floor[part], color[part])] = BRIDGED
-    return DepthHoles(kind, _fill_things(inverse_depth, labels))
+    kind, filled, part = _find_holes(inverse_depth, labels)
+    if color is not None and part[1] > part[0]:
+        rows, cols = slice(part[0], part[1]), slice(part[2], part[3])
+        _bridge(kind[rows, cols], labels[rows, cols], _contrast(color[rows, cols]))
+    return DepthHoles(kind, filled)
 
 
-def _is_floor_by_picture(
-    hole: NDArray[np.bool_], floor: NDArray[np.bool_], color: NDArray[np.uint8]
-) -> NDArray[np.bool_]:
+def _contrast(color: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(H, W) uint8 grey levels between the brightest and the darkest of a window."""
     grey = cv2.blur(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), (3, 3))
-    plain = floor & (cv2.morphologyEx(grey, cv2.MORPH_GRADIENT, _WINDOW) <= _MAX_CONTRAST)
-    count, part = cv2.connectedComponents((hole & plain).astype(np.uint8), connectivity=4)
-    beside = cv2.dilate((plain & ~hole).astype(np.uint8), _NEXT) > 0
-    joined = np.zeros(count, bool)
-    joined[part[beside]] = True
-    joined[0] = False  # what is no hole
-    return np.asarray(joined[part])
+    return np.asarray(cv2.morphologyEx(grey, cv2.MORPH_GRADIENT, _WINDOW), np.uint8)
 
 
 @njit(cache=True, nogil=True)
-def _fill_things(inverse, labels):  # type: ignore[no-untyped-def]
-    """Fill runs of unmeasured clutter along the rows: between two rims linear, from one rim on as it is."""
-    filled = inverse.copy()
+def _find_holes(inverse, labels):  # type: ignore[no-untyped-def]
+    """Kinds with all holes open, the depth with those in things filled, and the part that has holes in the floor."""
     height, width = inverse.shape
+    kind = np.zeros((height, width), np.uint8)
+    filled = inverse.copy()
+    first_row, last_row, first_col, last_col = height, -1, width, -1
     for v in range(height):
         u = 0
         while u < width:
-            if inverse[v, u] > 0.0 or labels[v, u] != CLUTTER:
+            if inverse[v, u] > 0.0:
                 u += 1
                 continue
-            first = u
-            while u < width and inverse[v, u] <= 0.0 and labels[v, u] == CLUTTER:
+            first, label = u, labels[v, u]
+            while u < width and inverse[v, u] <= 0.0 and labels[v, u] == label:
+                kind[v, u] = GAP
                 u += 1
-            n = u - first
-            before = inverse[v, first - 1] if first > 0 and labels[v, first - 1] == CLUTTER else 0.0
-            after = inverse[v, u] if u < width and labels[v, u] == CLUTTER else 0.0
-            if before > 0.0 and after > 0.0:
-                if n <= _LONGEST_PX and abs(before - after) < _SAME_SURFACE * after:
-                    for k in range(n):
-                        filled[v, first + k] = before + (after - before) * (k + 1) / (n + 1)
-            elif n <= _ONE_SIDED_PX:
-                for k in range(n):
-                    filled[v, first + k] = max(before, after)
-    return filled
+            if label == CLUTTER:
+                _fill_run(filled[v], labels[v], first, u)
+            elif label == FLOOR:
+                first_row, last_row = min(first_row, v), max(last_row, v)
+                first_col, last_col = min(first_col, first), max(last_col, u)
+    part = (
+        max(first_row - _RIM_PX, 0), min(last_row + 1 + _RIM_PX, height),
+        max(first_col - _RIM_PX, 0), min(last_col + _RIM_PX, width),
+    )  # fmt: skip
+    return kind, filled, part
+
+
+@njit(cache=True, nogil=True)
+def _fill_run(row, labels, first, last):  # type: ignore[no-untyped-def]
+    """Fill a run of unmeasured clutter in a row: between two rims linear, from one rim on as it is."""
+    n = last - first
+    before = row[first - 1] if first > 0 and labels[first - 1] == CLUTTER else 0.0
+    after = row[last] if last < len(row) and labels[last] == CLUTTER else 0.0
+    if before > 0.0 and after > 0.0:
+        if n <= _LONGEST_PX and abs(before - after) < _SAME_SURFACE * after:
+            for k in range(n):
+                row[first + k] = before + (after - before) * (k + 1) / (n + 1)
+    elif n <= _ONE_SIDED_PX:
+        for k in range(n):
+            row[first + k] = max(before, after)
+
+
+@njit(cache=True, nogil=True)
+def _bridge(kind, labels, contrast):  # type: ignore[no-untyped-def]
+    """Mark as `BRIDGED` the plain floor without depth that plain floor with depth touches: flood from the rims."""
+    height, width = kind.shape
+    stack = np.empty((height * width, 2), np.int32)
+    count = 0
+    for v in range(height):
+        for u in range(width):
+            if kind[v, u] != GAP or labels[v, u] != FLOOR or contrast[v, u] > _MAX_CONTRAST:
+                continue
+            for m in range(max(v - 1, 0), min(v + 2, height)):
+                for n in range(max(u - 1, 0), min(u + 2, width)):
+                    plain = labels[m, n] == FLOOR and contrast[m, n] <= _MAX_CONTRAST
+                    if plain and kind[m, n] == MEASURED and kind[v, u] == GAP:
+                        kind[v, u] = BRIDGED
+                        stack[count, 0], stack[count, 1] = v, u
+                        count += 1
+    while count > 0:
+        count -= 1
+        v0, u0 = stack[count, 0], stack[count, 1]
+        for side in range(4):
+            v = v0 + (side == 0) - (side == 1)
+            u = u0 + (side == 2) - (side == 3)
+            if v < 0 or u < 0 or v >= height or u >= width:
+                continue
+            if kind[v, u] == GAP and labels[v, u] == FLOOR and contrast[v, u] <= _MAX_CONTRAST:
+                kind[v, u] = BRIDGED
+                stack[count, 0], stack[count, 1] = v, u
+                count += 1

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .config import EstimatorConfig
 from .depth import DepthGeometry
 from .depth_holes import BRIDGED, MEASURED
-from .floor_plane import BAND_M, FloorFit, tile_offset
+from .floor_plane import BAND_M, FloorFit, row_offset
 
 NOTHING, FLOOR_PIXEL, OBSTACLE_PIXEL, WALL_PIXEL, HOLE_PIXEL, BEYOND_PIXEL = range(6)
 """Kinds of pixels: not measured or over the robot, floor, thing, wall of the room, below the floor, beyond a wall."""
@@ -33,7 +33,20 @@ _LOW = 3.0
 _BETWEEN_PIXELS = 1.5
 _MAX_BETWEEN_M = 0.10
 _PER_METRE, _STEPS = 50.0, 700
+_TINY = np.float32(1e-6)
 _RIPPLE_ROWS = 4
+
+
+(SEEN, HEIGHT, FLOOR_PIXELS, OBSTACLE, OBSTACLE_PIXELS, TOUCHED, NEAREST, FARTHEST, HOLE, BRIDGE, BLIND) = range(11)
+"""What is summed per cell; shares are of the cell's area.
+
+Share of floor seen; sum of the heights of the pixels of floor and of low things whose ray meets the floor there, and
+their number; share of the visible surface of things, and their pixels; the same share of things in the cell or within
+`_NEXT_TO_M` beside it; distance in m of the nearest thing in the cell from below the camera (inf without) and how far
+the farthest may reach (-inf without); shares of floor that is missing, and of floor behind pixels without depth: floor
+by the picture; not known."""
+
+_SUMS = 11
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,41 +56,20 @@ class FloorCells:
     Attributes
     ----------
     resolution_m, origin_m : side of a cell; x and y of the lower corner of cell (0, 0).
-    seen : (rows, cols) float32 floor seen, as a share of the cell's area.
-    height_m : (rows, cols) float32 mean height of the pixels of floor and of low things whose ray meets the floor
-        there, NaN without any. floor_pixels : (rows, cols) int32 their number. obstacle_pixels : (rows, cols) int32.
-    obstacle : (rows, cols) float32 visible surface of things, as a share of the cell's area.
-    touched : (rows, cols) float32 the same, of things in the cell or within `_NEXT_TO_M` beside it.
-    nearest_m : (rows, cols) float32 distance of the nearest thing in the cell from below the camera, inf without.
-    farthest_m : (rows, cols) float32 how far the farthest may reach, -inf without.
-    hole : (rows, cols) float32 floor that is missing, as a share of the cell's area.
-    bridged, gap : (rows, cols) float32 floor behind pixels without depth, as a share of the cell's area: floor by the
-        picture; not known.
-    kind : (H, W) uint8 kind of each pixel. cell : (H, W) int32 flat index of the cell it counts in, -1 outside.
+    sums : (rows, cols, 11) float32, see `SEEN` and those after it.
+    kind : (H, W) uint8 kind of each pixel. cell : (H, W) int32 flat index of the cell it counts in, -1 where in none.
     """
 
     resolution_m: float
     origin_m: tuple[float, float]
-    seen: NDArray[np.float32]
-    height_m: NDArray[np.float32]
-    floor_pixels: NDArray[np.int32]
-    obstacle_pixels: NDArray[np.int32]
-    obstacle: NDArray[np.float32]
-    touched: NDArray[np.float32]
-    nearest_m: NDArray[np.float32]
-    farthest_m: NDArray[np.float32]
-    hole: NDArray[np.float32]
-    bridged: NDArray[np.float32]
-    gap: NDArray[np.float32]
+    sums: NDArray[np.float32]
     kind: NDArray[np.uint8]
     cell: NDArray[np.int32]
 
-    def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return x and y (rows, cols) of the cells' centres."""
-        rows, cols = self.seen.shape
-        x = self.origin_m[0] + (np.arange(cols) + 0.5) * self.resolution_m
-        y = self.origin_m[1] + (np.arange(rows) + 0.5) * self.resolution_m
-        return np.broadcast_to(x, (rows, cols)), np.broadcast_to(y[:, None], (rows, cols))
+    @property
+    def corner(self) -> tuple[float, float, float]:
+        """Lower corner x, y of cell (0, 0), and the side of a cell; m."""
+        return (*self.origin_m, self.resolution_m)
 
 
 def sum_floor_cells(
@@ -103,17 +95,12 @@ def sum_floor_cells(
     cols, rows = round(config.free_space_forward_m / size), 2 * round(config.free_space_side_m / size)
     origin = (0.0, -0.5 * rows * size)
     c = geometry.camera
-    seen, total, floor, things, surface, touched, nearest, farthest, hole, bridged, gap, kind, cell = _sum_cells(
+    sums, kind, cell = _sum_cells(
         geometry.inverse_depth, hole_kind, (c.fx, c.fy, c.cx, c.cy), T_camera_floor,
-        (fit.distance_m, fit.sigma_m, fit.offset_m), walls,
-        (origin[0], origin[1], size), (rows, cols),
+        (fit.distance_m, fit.sigma_m, fit.offset_m), walls, (*origin, size), (rows, cols),
         (config.obstacle_min_height_m, config.obstacle_noise_factor, config.robot_height_m),
     )  # fmt: skip
-    with np.errstate(invalid="ignore"):
-        height = (total / floor).astype(np.float32)
-    return FloorCells(
-        size, origin, seen, height, floor, things, surface, touched, nearest, farthest, hole, bridged, gap, kind, cell
-    )
+    return FloorCells(size, origin, sums, kind, cell)
 
 
 @njit(cache=True, nogil=True)
@@ -125,9 +112,31 @@ def band_sigma(sigma, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _touching(place, reach):  # type: ignore[no-untyped-def]
-    """First and last cell that a point reaches into."""
-    return int(np.floor(place - reach)), int(np.floor(place + reach))
+def _noise_tables(sigma, lowest, factor):  # type: ignore[no-untyped-def]
+    """Noise of the height, and height from which on a pixel is a thing, per step of depth."""
+    noise, threshold = np.empty(_STEPS), np.empty(_STEPS)
+    for k in range(_STEPS):
+        z = (k + 0.5) / _PER_METRE
+        noise[k] = band_sigma(sigma, z)
+        # Near the camera a thing covers many more pixels than a ripple of the noise: a lower threshold does.
+        threshold[k] = max(lowest, (factor - min(max(_FAR_M - z, 0.0), _NEAR_GAIN)) * noise[k])
+    return noise, threshold
+
+
+@njit(cache=True, nogil=True)
+def _row_heights(inverse, ripple, distance, rise, rise_per_px, depth, high):  # type: ignore[no-untyped-def]
+    """Write depth and height over the floor of a row of pixels; by itself so that it runs on vectors."""
+    for u in range(len(inverse)):
+        depth[u] = np.float32(1.0) / (inverse[u] if inverse[u] > _TINY else _TINY)
+        high[u] = distance + (rise + rise_per_px * np.float32(u)) * depth[u] - ripple[u]
+
+
+@njit(cache=True, nogil=True)
+def _row_inside(depth, reach, out, out_per_px, inside):  # type: ignore[no-untyped-def]
+    """Lower `inside` of a row of pixels to how far they are before a wall."""
+    for u in range(len(depth)):
+        before = reach - (out + out_per_px * np.float32(u)) * depth[u]
+        inside[u] = before if before < inside[u] else inside[u]
 
 
 @njit(cache=True, nogil=True)
@@ -138,29 +147,21 @@ def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, lim
     rows, cols = shape
     lowest, factor, highest = limits
     height, width = inverse.shape
-    seen = np.zeros((rows, cols), np.float32)
-    total = np.zeros((rows, cols), np.float32)
-    floor = np.zeros((rows, cols), np.int32)
-    things = np.zeros((rows, cols), np.int32)
-    surface = np.zeros((rows, cols), np.float32)
+    sums = np.zeros((rows, cols, _SUMS), np.float32)
+    sums[:, :, NEAREST] = np.inf
+    sums[:, :, FARTHEST] = -np.inf
     touched = np.zeros((rows, cols), np.float32)
-    nearest = np.full((rows, cols), np.inf, np.float32)
-    farthest = np.full((rows, cols), -np.inf, np.float32)
-    hole = np.zeros((rows, cols), np.float32)
-    bridged = np.zeros((rows, cols), np.float32)
-    gap = np.zeros((rows, cols), np.float32)
     kind = np.zeros((height, width), np.uint8)
     cell = np.full((height, width), -1, np.int32)
-    per_pixel = 1.0 / (fx * fy * size * size)
+    per_pixel = np.float32(1.0 / (fx * fy * size * size))
     per_metre = 1.0 / size
-    noise_at = np.empty(_STEPS)
-    threshold_at = np.empty(_STEPS)
-    for k in range(_STEPS):
-        z = (k + 0.5) / _PER_METRE
-        noise_at[k] = band_sigma(sigma, z)
-        # Near the camera a thing covers many more pixels than a ripple of the noise: a lower threshold does.
-        threshold_at[k] = max(lowest, (factor - min(max(_FAR_M - z, 0.0), _NEAR_GAIN)) * noise_at[k])
-    ripple = np.empty(width)
+    reach = _NEXT_TO_M * per_metre
+    noise_at, threshold_at = _noise_tables(sigma, lowest, factor)
+    ripple, depth, high, inside = (
+        np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32),
+        np.empty(width, np.float32),
+    )  # fmt: skip
+    i0, i1, j0, j1, run = 0, -1, 0, -1, 0.0
     for v in range(height):
         ry = (v - cy) / fy
         # the ray in floor axes, from the camera at height `distance`
@@ -168,76 +169,78 @@ def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, lim
         ay0, ay1 = T[1, 1] * ry + T[2, 1] - T[0, 1] * cx / fx, T[0, 1] / fx
         az0, az1 = T[1, 2] * ry + T[2, 2] - T[0, 2] * cx / fx, T[0, 2] / fx
         if v % _RIPPLE_ROWS == 0:
-            for u in range(width):
-                ripple[u] = tile_offset(offset, u, v)
+            row_offset(offset, v, ripple)
+        _row_heights(inverse[v], ripple, np.float32(distance), np.float32(az0), np.float32(az1), depth, high)
+        inside[:] = np.inf
+        for k in range(len(walls)):
+            a, b = walls[k, 0], walls[k, 1]
+            out, out_per_px = np.float32(a * ax0 + b * ay0), np.float32(a * ax1 + b * ay1)
+            _row_inside(depth, np.float32(walls[k, 2]), out, out_per_px, inside)
         for u in range(width):
-            w = inverse[v, u]
             az = az0 + az1 * u
             if hole_kind[v, u] != MEASURED and az < -1e-3:
                 z = -distance / az
                 i = int(np.floor(((ay0 + ay1 * u) * z - y0) * per_metre))
                 j = int(np.floor(((ax0 + ax1 * u) * z - x0) * per_metre))
                 if 0 <= i < rows and 0 <= j < cols:
-                    if hole_kind[v, u] == BRIDGED:
-                        bridged[i, j] += per_pixel * z * z * z / distance
-                    else:
-                        gap[i, j] += per_pixel * z * z * z / distance
-            if w <= 0.0:
+                    which = BRIDGE if hole_kind[v, u] == BRIDGED else BLIND
+                    sums[i, j, which] += per_pixel * z * z * z / distance
+            h, z = high[u], depth[u]
+            if h > highest or inverse[v, u] <= 0.0:
                 continue
-            z = 1.0 / w
-            h = distance + az * z - ripple[u]
-            if h > highest:
-                continue
-            ax, ay = ax0 + ax1 * u, ay0 + ay1 * u
             step = min(int(z * _PER_METRE), _STEPS - 1)
-            noise, threshold = noise_at[step], threshold_at[step]
+            threshold = threshold_at[step]
             if h > threshold:
-                x, y = ax * z, ay * z
+                tolerance = _ON_WALL_M + _ON_WALL_SIGMAS * noise_at[step] * z / distance
+                if inside[u] < tolerance:
+                    kind[v, u] = WALL_PIXEL if inside[u] >= -tolerance else BEYOND_PIXEL
+                    continue
                 what = OBSTACLE_PIXEL
-                tolerance = _ON_WALL_M + _ON_WALL_SIGMAS * noise * z / distance
-                for k in range(len(walls)):
-                    before = walls[k, 2] - walls[k, 0] * x - walls[k, 1] * y
-                    if before < -tolerance:
-                        what = BEYOND_PIXEL
-                        break
-                    if before < tolerance:
-                        what = WALL_PIXEL
             else:
                 if az > -1e-3:
                     continue
                 what = FLOOR_PIXEL if h > -threshold else HOLE_PIXEL
                 z = -distance / az
-                x, y = ax * z, ay * z
+            x, y = (ax0 + ax1 * u) * z, (ay0 + ay1 * u) * z
             kind[v, u] = what
-            i, j = int(np.floor((y - y0) * per_metre)), int(np.floor((x - x0) * per_metre))
+            across, ahead = (y - y0) * per_metre, (x - x0) * per_metre
+            i, j = int(np.floor(across)), int(np.floor(ahead))
             if i < 0 or j < 0 or i >= rows or j >= cols:
                 continue
             cell[v, u] = i * cols + j
             if what == FLOOR_PIXEL:
-                seen[i, j] += per_pixel * z * z * z / distance
-                total[i, j] += h
-                floor[i, j] += 1
+                sums[i, j, SEEN] += per_pixel * z * z * z / distance
+                sums[i, j, HEIGHT] += h
+                sums[i, j, FLOOR_PIXELS] += 1
             elif what == HOLE_PIXEL:
-                hole[i, j] += per_pixel * z * z * z / distance
+                sums[i, j, HOLE] += per_pixel * z * z * z / distance
             elif what == OBSTACLE_PIXEL:
-                surface[i, j] += per_pixel * z * z
-                things[i, j] += 1
-                first_i, last_i = _touching((y - y0) * per_metre, _NEXT_TO_M * per_metre)
-                first_j, last_j = _touching((x - x0) * per_metre, _NEXT_TO_M * per_metre)
-                for m in range(first_i, last_i + 1):
-                    for n in range(first_j, last_j + 1):
-                        if 0 <= m < rows and 0 <= n < cols:
-                            touched[m, n] += per_pixel * z * z
+                area = per_pixel * z * z
+                sums[i, j, OBSTACLE] += area
+                sums[i, j, OBSTACLE_PIXELS] += 1
+                first_i, last_i = int(np.floor(across - reach)), int(np.floor(across + reach))
+                first_j, last_j = int(np.floor(ahead - reach)), int(np.floor(ahead + reach))
+                # most pixels reach into the same cells as the one before
+                if first_i != i0 or last_i != i1 or first_j != j0 or last_j != j1:
+                    for m in range(max(i0, 0), min(i1 + 1, rows)):
+                        for n in range(max(j0, 0), min(j1 + 1, cols)):
+                            touched[m, n] += run
+                    i0, i1, j0, j1, run = first_i, last_i, first_j, last_j, 0.0
+                run += area
                 r = np.sqrt(x * x + y * y)
-                nearest[i, j] = min(nearest[i, j], r)
+                sums[i, j, NEAREST] = min(sums[i, j, NEAREST], r)
                 # the next row of a level surface that is seen flat may be centimetres behind this one
                 between = _BETWEEN_PIXELS * z * z / (fy * max(distance - h, 0.05))
-                farthest[i, j] = max(farthest[i, j], r + min(between, _MAX_BETWEEN_M))
+                sums[i, j, FARTHEST] = max(sums[i, j, FARTHEST], r + min(between, _MAX_BETWEEN_M))
                 if az < -1e-3 and h < _LOW * threshold:
                     z = -distance / az
-                    i = int(np.floor((ay * z - y0) * per_metre))
-                    j = int(np.floor((ax * z - x0) * per_metre))
+                    i = int(np.floor(((ay0 + ay1 * u) * z - y0) * per_metre))
+                    j = int(np.floor(((ax0 + ax1 * u) * z - x0) * per_metre))
                     if 0 <= i < rows and 0 <= j < cols:
-                        total[i, j] += h
-                        floor[i, j] += 1
-    return seen, total, floor, things, surface, touched, nearest, farthest, hole, bridged, gap, kind, cell
+                        sums[i, j, HEIGHT] += h
+                        sums[i, j, FLOOR_PIXELS] += 1
+    for m in range(max(i0, 0), min(i1 + 1, rows)):
+        for n in range(max(j0, 0), min(j1 + 1, cols)):
+            touched[m, n] += run
+    sums[:, :, TOUCHED] = touched
+    return sums, kind, cell

@@ -31,6 +31,10 @@ _STRIDE = 2
 _PASSES_M = ((0.10, 4), (0.05, 4), (0.03, 4), (0.03, 2))
 """Half width of the band around the plane and pixel step of each pass."""
 
+_GATHER_M = 0.35
+"""Pixels farther above or below the start are no floor, however wrong the start is."""
+
+_CLUTTER_WEIGHT = 0.3
 _MIN_SIGMA_M = 0.002
 _MIN_BAND_PIXELS = 40
 _MIN_TILE_PIXELS = 40
@@ -111,42 +115,36 @@ def fit_floor(
     start = prior if prior is not None else _from_cuboid(estimate)
     if start is None:
         return None
-    maybe = _may_be_floor(estimate)
     if np.isnan(start.distance_m):
-        height = _height_along(geometry, maybe == 2, start.normal)
+        height = _height_along(geometry, estimate.labels == FLOOR, start.normal)
         if height is None:
             return None
         start = FloorPlane(start.normal, height, start.source)
-    plane = start.normal / start.distance_m
     camera = geometry.camera
     intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
+    plane = start.normal / start.distance_m
+    pixels, coarse = _near_plane(geometry.inverse_depth, estimate.labels, intrinsics, plane)
     least = max(int(config.floor_min_share * geometry.inverse_depth.size), 500)
-    pixels = 0
+    support = 0
     for half_width, step in _PASSES_M:
-        sums, count = _floor_sums(geometry.inverse_depth, maybe, *intrinsics, plane, half_width, step)
-        pixels = int(count) * step * step
-        if pixels < least:
+        chosen = pixels[:coarse] if step == 2 * _STRIDE else pixels
+        sums, count = _floor_sums(chosen, intrinsics, plane, half_width)
+        support = int(count) * step * step
+        if support < least:
             return None if prior is None or np.isnan(prior.distance_m) else _as_given(prior, camera)
         plane = np.linalg.solve(sums[:, :3], sums[:, 3])
     length = float(np.linalg.norm(plane))
     flat = np.zeros(_tiles(camera.height, camera.width))
-    sigma = _sigma_bands(_heights(geometry.inverse_depth, maybe, *intrinsics, plane, flat, _STRIDE), 1.0 / length)
-    offset = _offsets(geometry.inverse_depth, maybe, *intrinsics, plane, sigma, _STRIDE)
-    sigma = _sigma_bands(_heights(geometry.inverse_depth, maybe, *intrinsics, plane, offset, _STRIDE), 1.0 / length)
-    return FloorFit(plane / length, 1.0 / length, sigma, offset, pixels, f"{start.source}+depth")
+    sigma = _sigma_bands(_heights(pixels[:coarse], intrinsics, plane, flat), 1.0 / length)
+    offset = _offsets(pixels, intrinsics, plane, sigma, flat.shape)
+    sigma = _sigma_bands(_heights(pixels, intrinsics, plane, offset), 1.0 / length)
+    return FloorFit(plane / length, 1.0 / length, sigma, offset, support, f"{start.source}+depth")
 
 
 def _from_cuboid(estimate: RoomEstimate) -> FloorPlane | None:
     if estimate.cuboid is None or not estimate.metric or not np.isfinite(estimate.cuboid.distances[1]):
         return None
     return FloorPlane(estimate.cuboid.R_room_camera[1].copy(), float(estimate.cuboid.distances[1]), "cuboid")
-
-
-def _may_be_floor(estimate: RoomEstimate) -> NDArray[np.uint8]:
-    """(H, W) uint8: 2 labelled floor, 1 clutter (a rug, a mislabelled patch), 0 wall or ceiling."""
-    table = np.zeros(8, np.uint8)
-    table[[FLOOR, CLUTTER]] = 2, 1
-    return table[estimate.labels]
 
 
 def _height_along(geometry: DepthGeometry, floor: NDArray[np.bool_], normal: NDArray[np.float64]) -> float | None:
@@ -181,102 +179,139 @@ def _sigma_bands(counts: NDArray[np.int64], height: float) -> NDArray[np.float64
 
 
 @njit(cache=True, nogil=True)
-def _floor_sums(inverse, maybe, fx, fy, cx, cy, plane, half_width, stride):  # type: ignore[no-untyped-def]
+def _near_plane(inverse, labels, intrinsics, plane):  # type: ignore[no-untyped-def]
+    """Pixels (n, 4) float32 near the start: u, v, inverse depth, weight; first those of every fourth row and column.
+
+    Those labelled floor, and with less weight clutter (a rug, a mislabelled patch); no wall, no ceiling.
+    """
+    fx, fy, cx, cy = intrinsics
+    height, width = inverse.shape
+    d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
+    fine = _STRIDE * 2
+    pixels = np.empty((((height + 1) // _STRIDE) * ((width + 1) // _STRIDE), 4), np.float32)
+    count, coarse = 0, 0
+    for turn in range(2):
+        for v in range(0, height, _STRIDE):
+            expected_row = plane[1] * (v - cy) / fy + plane[2] - plane[0] * cx / fx
+            on_row = v % fine == 0
+            if turn == 0 and not on_row:
+                continue
+            first, step = (0, fine) if turn == 0 else ((_STRIDE, fine) if on_row else (0, _STRIDE))
+            for u in range(first, width, step):
+                w, label = inverse[v, u], labels[v, u]
+                if w <= 0.0 or (label != FLOOR and label != CLUTTER):
+                    continue
+                expected = expected_row + plane[0] / fx * u
+                noise = depth_sigma(1.0 / w, NOISE_FLOOR_M, NOISE_QUADRATIC) * d * w
+                if expected > 0.0 and abs(d * (w - expected)) < (_GATHER_M + 4.0 * noise) * w:
+                    pixels[count, 0], pixels[count, 1], pixels[count, 2] = u, v, w
+                    pixels[count, 3] = 1.0 if label == FLOOR else _CLUTTER_WEIGHT
+                    count += 1
+        if turn == 0:
+            coarse = count
+    return pixels[:count], coarse
+
+
+@njit(cache=True, nogil=True)
+def _floor_sums(pixels, intrinsics, plane, half_width):  # type: ignore[no-untyped-def]
     """Normal equations (3, 4) of w = plane . ray over pixels near the plane, Tukey's weights; and their number."""
+    fx, fy, cx, cy = intrinsics
     sums = np.zeros((3, 4))
     count = 0
     d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
-    height, width = inverse.shape
-    for y in range(0, height, stride):
-        ry = (y - cy) / fy
-        for x in range(0, width, stride):
-            w = inverse[y, x]
-            if w <= 0.0 or maybe[y, x] == 0:
-                continue
-            rx = (x - cx) / fx
-            expected = plane[0] * rx + plane[1] * ry + plane[2]
-            if expected <= 0.0:
-                continue
-            h = d * (1.0 - expected / w)
-            # The height of a pixel is as uncertain as its depth times the slope of its ray, d / Z.
-            reach = half_width + 2.0 * depth_sigma(1.0 / w, NOISE_FLOOR_M, NOISE_QUADRATIC) * d * w
-            u = h / reach
-            if u * u >= 1.0:
-                continue
-            weight = (1.0 - u * u) ** 2
-            if maybe[y, x] == 1:
-                weight *= 0.3
-            count += 1
-            sums[0, 0] += weight * rx * rx
-            sums[0, 1] += weight * rx * ry
-            sums[0, 2] += weight * rx
-            sums[1, 1] += weight * ry * ry
-            sums[1, 2] += weight * ry
-            sums[2, 2] += weight
-            sums[0, 3] += weight * rx * w
-            sums[1, 3] += weight * ry * w
-            sums[2, 3] += weight * w
+    for k in range(len(pixels)):
+        rx, ry, w = (pixels[k, 0] - cx) / fx, (pixels[k, 1] - cy) / fy, pixels[k, 2]
+        expected = plane[0] * rx + plane[1] * ry + plane[2]
+        if expected <= 0.0:
+            continue
+        z = 1.0 / w
+        h = d * (1.0 - expected * z)
+        # The height of a pixel is as uncertain as its depth times the slope of its ray, d / Z.
+        reach = half_width + 2.0 * depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) * d * w
+        u = h / reach
+        if u * u >= 1.0:
+            continue
+        weight = pixels[k, 3] * (1.0 - u * u) ** 2
+        count += 1
+        sums[0, 0] += weight * rx * rx
+        sums[0, 1] += weight * rx * ry
+        sums[0, 2] += weight * rx
+        sums[1, 1] += weight * ry * ry
+        sums[1, 2] += weight * ry
+        sums[2, 2] += weight
+        sums[0, 3] += weight * rx * w
+        sums[1, 3] += weight * ry * w
+        sums[2, 3] += weight * w
     sums[1, 0], sums[2, 0], sums[2, 1] = sums[0, 1], sums[0, 2], sums[1, 2]
     return sums, count
 
 
 @njit(cache=True, nogil=True)
-def tile_offset(offset, u, v):  # type: ignore[no-untyped-def]
-    """Offset of the floor at a pixel, bilinear between the middles of the tiles."""
-    rows, cols = offset.shape
-    y = min(max((v + 0.5) / TILE_PX - 0.5, 0.0), rows - 1.0)
-    x = min(max((u + 0.5) / TILE_PX - 0.5, 0.0), cols - 1.0)
-    i, j = min(int(y), max(rows - 2, 0)), min(int(x), max(cols - 2, 0))
-    m, n = min(i + 1, rows - 1), min(j + 1, cols - 1)
-    p, q = y - i, x - j
-    top = offset[i, j] + q * (offset[i, n] - offset[i, j])
-    return top + p * (offset[m, j] + q * (offset[m, n] - offset[m, j]) - top)
+def _between_tiles(pixel, tiles):  # type: ignore[no-untyped-def]
+    """Tiles before and after a pixel along one axis, and how far it is from the one to the other (0..1)."""
+    place = min(max((pixel + 0.5) / TILE_PX - 0.5, 0.0), tiles - 1.0)
+    before = min(int(place), max(tiles - 2, 0))
+    return before, min(before + 1, tiles - 1), place - before
 
 
 @njit(cache=True, nogil=True)
-def _heights(inverse, maybe, fx, fy, cx, cy, plane, offset, stride):  # type: ignore[no-untyped-def]
+def row_offset(offset, v, row):  # type: ignore[no-untyped-def]
+    """Write the floor's offset at all pixels of an image row into `row`, bilinear between the middles of the tiles."""
+    i, m, p = _between_tiles(v, offset.shape[0])
+    for u in range(len(row)):
+        j, n, q = _between_tiles(u, offset.shape[1])
+        top = offset[i, j] + q * (offset[i, n] - offset[i, j])
+        row[u] = top + p * (offset[m, j] + q * (offset[m, n] - offset[m, j]) - top)
+
+
+@njit(cache=True, nogil=True)
+def _heights(pixels, intrinsics, plane, offset):  # type: ignore[no-untyped-def]
     """Count |height| of pixels at or below the floor in mm bins, per distance band: things only stand above it."""
+    fx, fy, cx, cy = intrinsics
     counts = np.zeros((_BANDS, _HISTOGRAM_BINS), np.int64)
     d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
-    height, width = inverse.shape
-    for y in range(0, height, stride):
-        ry = (y - cy) / fy
-        for x in range(0, width, stride):
-            w = inverse[y, x]
-            if w <= 0.0 or maybe[y, x] == 0:
-                continue
-            h = d * (1.0 - (plane[0] * ((x - cx) / fx) + plane[1] * ry + plane[2]) / w) - tile_offset(offset, x, y)
-            k = int(abs(h) / _HISTOGRAM_M)
-            band = int(1.0 / (w * BAND_M))
-            if k < _HISTOGRAM_BINS and band < _BANDS and h <= 0.0:
-                counts[band, k] += 1
+    for k in range(len(pixels)):
+        u, v, z = pixels[k, 0], pixels[k, 1], 1.0 / pixels[k, 2]
+        i, m, p = _between_tiles(v, offset.shape[0])
+        j, n, q = _between_tiles(u, offset.shape[1])
+        top = offset[i, j] + q * (offset[i, n] - offset[i, j])
+        slow = top + p * (offset[m, j] + q * (offset[m, n] - offset[m, j]) - top)
+        h = d * (1.0 - (plane[0] * ((u - cx) / fx) + plane[1] * ((v - cy) / fy) + plane[2]) * z) - slow
+        bin_, band = int(-h / _HISTOGRAM_M), int(z / BAND_M)
+        if h <= 0.0 and bin_ < _HISTOGRAM_BINS and band < _BANDS:
+            counts[band, bin_] += 1
     return counts
 
 
 @njit(cache=True, nogil=True)
-def _offsets(inverse, maybe, fx, fy, cx, cy, plane, sigma, stride):  # type: ignore[no-untyped-def]
+def _offsets(pixels, intrinsics, plane, sigma, shape):  # type: ignore[no-untyped-def]
     """Median height of the floor pixels within three sigma, per tile; at most one sigma, 0 where there are few."""
-    height, width = inverse.shape
-    rows, cols = (height + TILE_PX - 1) // TILE_PX, (width + TILE_PX - 1) // TILE_PX
-    result = np.zeros((rows, cols))
-    values = np.empty(TILE_PX * TILE_PX)
+    fx, fy, cx, cy = intrinsics
+    rows, cols = shape
+    counts = np.zeros((rows, cols, 2 * _HISTOGRAM_BINS), np.int32)
+    heights = np.zeros((rows, cols, 2 * _HISTOGRAM_BINS))
+    total = np.zeros((rows, cols), np.int64)
+    noise = np.zeros((rows, cols))
     d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
+    for n in range(len(pixels)):
+        u, v, z = pixels[n, 0], pixels[n, 1], 1.0 / pixels[n, 2]
+        s = sigma[min(int(z / BAND_M), _BANDS - 1)]
+        h = d * (1.0 - (plane[0] * ((u - cx) / fx) + plane[1] * ((v - cy) / fy) + plane[2]) * z)
+        if abs(h) < 3.0 * s:
+            i, j = int(v) // TILE_PX, int(u) // TILE_PX
+            k = min(max(int(h / _HISTOGRAM_M + _HISTOGRAM_BINS), 0), 2 * _HISTOGRAM_BINS - 1)
+            counts[i, j, k] += 1
+            heights[i, j, k] += h
+            total[i, j] += 1
+            noise[i, j] += s
+    result = np.zeros((rows, cols))
     for i in range(rows):
         for j in range(cols):
-            count, noise = 0, 0.0
-            for y in range(i * TILE_PX, min((i + 1) * TILE_PX, height), stride):
-                ry = (y - cy) / fy
-                for x in range(j * TILE_PX, min((j + 1) * TILE_PX, width), stride):
-                    w = inverse[y, x]
-                    if w <= 0.0 or maybe[y, x] == 0:
-                        continue
-                    h = d * (1.0 - (plane[0] * ((x - cx) / fx) + plane[1] * ry + plane[2]) / w)
-                    s = sigma[min(int(1.0 / (w * BAND_M)), _BANDS - 1)]
-                    if abs(h) < 3.0 * s:
-                        values[count] = h
-                        noise += s
-                        count += 1
-            if count >= _MIN_TILE_PIXELS:
-                noise /= count
-                result[i, j] = min(max(np.median(values[:count]), -noise), noise)
+            if total[i, j] >= _MIN_TILE_PIXELS:
+                below, k = 0, 0
+                while below + counts[i, j, k] < 0.5 * total[i, j]:
+                    below += counts[i, j, k]
+                    k += 1
+                most = noise[i, j] / total[i, j]
+                result[i, j] = min(max(heights[i, j, k] / counts[i, j, k], -most), most)
     return result

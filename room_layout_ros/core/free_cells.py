@@ -7,14 +7,30 @@ a level surface may hide the rest of it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from .config import EstimatorConfig
-from .floor_cells import FloorCells
-from .floor_plane import BAND_M, FloorFit
+from .floor_cells import (
+    BLIND,
+    BRIDGE,
+    FARTHEST,
+    FLOOR_PIXELS,
+    HEIGHT,
+    HOLE,
+    NEAREST,
+    OBSTACLE,
+    OBSTACLE_PIXELS,
+    SEEN,
+    TOUCHED,
+    FloorCells,
+    band_sigma,
+)
+from .floor_plane import FloorFit
 
 UNKNOWN_CELL, FREE_CELL, OCCUPIED_CELL = -1, 0, 100
 
@@ -23,13 +39,14 @@ _MIN_HOLE = 0.3
 _MAX_GAP = 0.3
 """Share of a cell without depth, and not floor by the picture, from which on something may stand there."""
 
-_BRIDGE = np.ones((5, 5), np.uint8)
-"""The picture closes holes of the depth up to two cells from floor that was measured."""
+_BRIDGE_CELLS = 2
+"""The picture closes holes of the depth up to this far from floor that was measured."""
 
 _RANGE_BAND_M = 0.5
 _MIN_BAND_CELLS = 10
 _LOW_SHARE = 0.6
 _LOW_SIGMAS = 4.0
+_DOUBT_HEIGHT_SHARE = 0.5
 _DOUBT_SIGMAS = 2.5
 _PATCH_SHARE = 0.2
 _TOUCH_SHARE = 0.1
@@ -47,25 +64,44 @@ _BEHIND_WALL_CELLS = 3
 _MARGIN_CELLS = 0.15
 """Added to the margin: the place of a thing is known to a pixel, not better (7 mm for cells of 5 cm)."""
 
-_NEXT = np.ones((3, 3), np.uint8)
+
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """Mean height of the floor in each cell, and how much that of floor at its distance scatters.
+
+    Attributes
+    ----------
+    height_m : (rows, cols) float32, NaN where too few pixels of floor are.
+    sigma_m : (rows, cols) float32, inf where too few cells at that distance have floor.
+    """
+
+    height_m: NDArray[np.float32]
+    sigma_m: NDArray[np.float32]
 
 
-def occupied_cells(cells: FloorCells, config: EstimatorConfig) -> NDArray[np.bool_]:
+def floor_levels(cells: FloorCells) -> Levels:
+    """Return the levels of the cells' floor."""
+    return Levels(*_levels(cells.sums, cells.corner))
+
+
+def occupied_cells(cells: FloorCells, levels: Levels, config: EstimatorConfig) -> NDArray[np.bool_]:
     """Return (rows, cols) bool: part of a patch with enough surface above the noise, or floor that is too high.
 
     The surface is summed over the patch of touching cells: a thing of 3 cm may lie across four of them, while the
     ripple of the sensor makes small patches everywhere.
     """
-    some = (cells.obstacle >= _PATCH_SHARE * config.obstacle_min_area) & (cells.obstacle_pixels >= _MIN_PIXELS)
-    count, patch = cv2.connectedComponents(some.astype(np.uint8), connectivity=8)
-    total = np.bincount(patch.ravel(), cells.obstacle.ravel(), count)
-    total[0] = 0.0
-    stands = (total >= config.obstacle_min_area)[patch] & ~_tails(cells)
-    return np.asarray(stands | _raised(cells, config, _LOW_SIGMAS, _LOW_SHARE))
+    some = _in_patch(cells.sums, _PATCH_SHARE * config.obstacle_min_area)
+    count, patch = cv2.connectedComponents(some, connectivity=8)
+    raised = (_LOW_SHARE * config.obstacle_min_height_m, _LOW_SIGMAS)
+    thing = _things(
+        cells.sums, patch, count, config.obstacle_min_area, cells.corner, levels.height_m, levels.sigma_m, raised
+    )
+    return np.asarray(thing)
 
 
 def decide_cells(
     cells: FloorCells,
+    levels: Levels,
     thing: NDArray[np.bool_],
     fit: FloorFit,
     walls: NDArray[np.float64],
@@ -77,97 +113,170 @@ def decide_cells(
 
     Parameters
     ----------
-    thing : (rows, cols) bool of `occupied_cells`. walls : (n, 4) float64 of `walls_on_floor`.
+    levels : of `floor_levels`. thing : (rows, cols) bool of `occupied_cells`.
+    walls : (n, 4) float64 of `walls_on_floor`.
     half_view : float, radians, of the picture to either side. focal_px : float.
     """
-    x, y = cells.centres()
-    beside = cv2.dilate(thing.astype(np.uint8), _NEXT) > 0
-    raised = _raised(cells, config, _DOUBT_SIGMAS, 0.5)
-    touched = _touched(cells, beside, focal_px, config)
-    gap = cells.gap >= _MAX_GAP
-    inside = np.ones(thing.shape, bool)
-    for a, b, c, _ in walls:
-        inside &= a * x + b * y <= c
-    wall = _wall_cells(cells, walls, half_view, config)
-    hole = cells.hole >= _MIN_HOLE
-    grid = np.full(thing.shape, UNKNOWN_CELL, np.int8)
-    grid[_is_floor(cells, config) & ~raised & ~touched & ~gap & inside & ~wall] = FREE_CELL
-    grid[((thing | hole) & inside) | wall] = OCCUPIED_CELL
-    reach = np.hypot(x, y)
-    noise = np.interp(reach, (np.arange(len(fit.sigma_m)) + 0.5) * BAND_M, fit.sigma_m) * reach / fit.distance_m
-    stands = (thing | hole | raised | gap) & inside
-    nearest = np.where(np.isfinite(cells.nearest_m), cells.nearest_m, reach - 0.5 * cells.resolution_m)
-    nearest += np.where(stands, np.where(thing, np.maximum(noise - _SURE_M, 0.0), 0.0), _STRAY_SIGMAS * noise)
-    nearest[~(stands | (beside & inside & (cells.obstacle_pixels > 0)))] = np.inf
-    farthest = np.where(thing & inside, cells.farthest_m + _BEHIND_SIGMAS * noise, -np.inf)
+    grid, nearest, farthest = _decide(
+        cells.sums, cells.corner, thing, levels.height_m, levels.sigma_m, walls, half_view, focal_px,
+        (fit.sigma_m, fit.distance_m),
+        (config.free_min_seen, config.obstacle_min_area, _DOUBT_HEIGHT_SHARE * config.obstacle_min_height_m),
+    )  # fmt: skip
     margin = config.obstacle_margin_m + _MARGIN_CELLS * cells.resolution_m
-    _keep_away(grid, nearest, farthest, walls, *cells.origin_m, cells.resolution_m, margin)
-    return grid
+    _keep_away(grid, nearest, farthest, walls, *cells.corner, margin)
+    return np.asarray(grid)
 
 
-def _is_floor(cells: FloorCells, config: EstimatorConfig) -> NDArray[np.bool_]:
-    """Cells of which enough was measured as floor, or is floor by the picture next to measured floor."""
-    measured = cells.seen >= config.free_min_seen
-    near = cv2.dilate(measured.astype(np.uint8), _BRIDGE) > 0
-    return np.asarray(measured | (near & (cells.seen + cells.bridged >= config.free_min_seen)))
+@njit(cache=True, nogil=True)
+def _levels(sums, corner):  # type: ignore[no-untyped-def]
+    x0, y0, size = corner
+    rows, cols, _ = sums.shape
+    far = np.hypot(max(abs(x0), abs(x0 + cols * size)), max(abs(y0), abs(y0 + rows * size)))
+    bands = int(far / _RANGE_BAND_M) + 1
+    height = np.full((rows, cols), np.nan, np.float32)
+    band = np.zeros((rows, cols), np.int32)
+    values = np.empty((bands, rows * cols), np.float32)
+    count = np.zeros(bands, np.int64)
+    for i in range(rows):
+        y = y0 + (i + 0.5) * size
+        for j in range(cols):
+            if sums[i, j, FLOOR_PIXELS] < _MIN_PIXELS:
+                continue
+            x = x0 + (j + 0.5) * size
+            k = int(np.sqrt(x * x + y * y) / _RANGE_BAND_M)
+            h = sums[i, j, HEIGHT] / sums[i, j, FLOOR_PIXELS]
+            height[i, j], band[i, j] = h, k
+            values[k, count[k]] = abs(h)
+            count[k] += 1
+    spread = np.full(bands, np.inf, np.float32)
+    for k in range(bands):
+        if count[k] >= _MIN_BAND_CELLS:
+            spread[k] = 1.4826 * np.median(values[k, : count[k]])
+    sigma = np.empty((rows, cols), np.float32)
+    for i in range(rows):
+        for j in range(cols):
+            sigma[i, j] = spread[band[i, j]]
+    return height, sigma
 
 
-def _touched(
-    cells: FloorCells, beside: NDArray[np.bool_], focal_px: float, config: EstimatorConfig
-) -> NDArray[np.bool_]:
-    """Cells into which a thing reaches by more than stray pixels."""
-    x, y = cells.centres()
-    pixel = (x * x + y * y) / (focal_px * cells.resolution_m) ** 2  # share of a cell that a pixel covers there
-    least = np.maximum(_TOUCH_SHARE * config.obstacle_min_area, _TOUCH_PIXELS * pixel)
-    return np.asarray((cells.obstacle >= _DOUBT_SHARE * config.obstacle_min_area) | (beside & (cells.touched >= least)))
+@njit(cache=True, nogil=True)
+def _in_patch(sums, least):  # type: ignore[no-untyped-def]
+    rows, cols, _ = sums.shape
+    some = np.zeros((rows, cols), np.uint8)
+    for i in range(rows):
+        for j in range(cols):
+            some[i, j] = sums[i, j, OBSTACLE] >= least and sums[i, j, OBSTACLE_PIXELS] >= _MIN_PIXELS
+    return some
 
 
-def _tails(cells: FloorCells) -> NDArray[np.bool_]:
-    """Cells before a thing that hold but a small part of its surface: the noise of its distance."""
-    x, y = cells.centres()
-    r = np.hypot(x, y)
-    rows, cols = np.indices(x.shape)
-    behind = np.zeros(x.shape, np.float32)
-    for step in (1.0, 2.0):
-        i = np.clip(np.rint(rows + step * y / r).astype(int), 0, x.shape[0] - 1)
-        j = np.clip(np.rint(cols + step * x / r).astype(int), 0, x.shape[1] - 1)
-        behind = np.maximum(behind, cells.obstacle[i, j])
-    return np.asarray(cells.obstacle < _TAIL_SHARE * behind)
+@njit(cache=True, nogil=True)
+def _things(sums, patch, count, least, corner, height, sigma, raised):  # type: ignore[no-untyped-def]
+    rows, cols, _ = sums.shape
+    lowest, sigmas = raised
+    total = np.zeros(count)
+    for i in range(rows):
+        for j in range(cols):
+            total[patch[i, j]] += sums[i, j, OBSTACLE]
+    thing = np.zeros((rows, cols), np.bool_)
+    for i in range(rows):
+        for j in range(cols):
+            stands = patch[i, j] > 0 and total[patch[i, j]] >= least and not _is_tail(sums, corner, i, j)
+            thing[i, j] = stands or height[i, j] > max(lowest, sigmas * sigma[i, j])
+    return thing
 
 
-def _raised(cells: FloorCells, config: EstimatorConfig, sigmas: float, share: float) -> NDArray[np.bool_]:
-    """Cells whose pixels of floor and low things lie higher on average than cells at that distance do."""
-    known = cells.floor_pixels >= _MIN_PIXELS
-    x, y = cells.centres()
-    band = (np.hypot(x[known], y[known]) / _RANGE_BAND_M).astype(int)
-    height = cells.height_m[known]
-    sigma = np.full(int(band.max(initial=0)) + 1, np.inf)
-    for k in range(len(sigma)):
-        here = np.abs(height[band == k])
-        if len(here) >= _MIN_BAND_CELLS:
-            sigma[k] = 1.4826 * float(np.median(here))
-    result = np.zeros(known.shape, bool)
-    result[known] = height > np.maximum(share * config.obstacle_min_height_m, sigmas * sigma[band])
-    return result
+@njit(cache=True, nogil=True)
+def _is_tail(sums, corner, i, j):  # type: ignore[no-untyped-def]
+    """Whether a cell before a thing holds but a small part of its surface: the noise of its distance."""
+    x0, y0, size = corner
+    rows, cols, _ = sums.shape
+    x, y = x0 + (j + 0.5) * size, y0 + (i + 0.5) * size
+    r = np.sqrt(x * x + y * y)
+    behind = 0.0
+    for step in range(1, 3):
+        m = min(max(int(np.rint(i + step * y / r)), 0), rows - 1)
+        n = min(max(int(np.rint(j + step * x / r)), 0), cols - 1)
+        behind = max(behind, sums[m, n, OBSTACLE])
+    return sums[i, j, OBSTACLE] < _TAIL_SHARE * behind
 
 
-def _wall_cells(
-    cells: FloorCells, walls: NDArray[np.float64], half_view: float, config: EstimatorConfig
-) -> NDArray[np.bool_]:
-    """Cells that a wall in view stands on, but for where the floor goes on behind it: an open door."""
-    x, y = cells.centres()
-    half = 0.5 * cells.resolution_m
-    rows, cols = np.indices(x.shape)
-    result = np.zeros(x.shape, bool)
-    for a, b, c, _ in walls:
-        on = np.abs(a * x + b * y - c) < half * (abs(a) + abs(b))
-        # The foot of a wall looks like floor a cell behind it; a door shows floor farther on.
-        behind_row = np.clip(rows + round(_BEHIND_WALL_CELLS * b), 0, x.shape[0] - 1)
-        behind_col = np.clip(cols + round(_BEHIND_WALL_CELLS * a), 0, x.shape[1] - 1)
-        result |= on & (cells.seen[behind_row, behind_col] < config.free_min_seen)
-    for a, b, c, _ in walls:
-        result &= a * x + b * y <= c + half * (abs(a) + abs(b))
-    return np.asarray(result & (np.abs(np.arctan2(y, x)) <= half_view))
+@njit(cache=True, nogil=True)
+def _is_beside(thing, i, j):  # type: ignore[no-untyped-def]
+    """Whether a thing stands in a cell or in one that touches it."""
+    rows, cols = thing.shape
+    for m in range(max(i - 1, 0), min(i + 2, rows)):
+        for n in range(max(j - 1, 0), min(j + 2, cols)):
+            if thing[m, n]:
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _is_floor(sums, i, j, least):  # type: ignore[no-untyped-def]
+    """Whether enough of a cell was measured as floor, or is floor by the picture next to measured floor."""
+    rows, cols, _ = sums.shape
+    if sums[i, j, SEEN] >= least:
+        return True
+    if sums[i, j, SEEN] + sums[i, j, BRIDGE] < least:
+        return False
+    for m in range(max(i - _BRIDGE_CELLS, 0), min(i + _BRIDGE_CELLS + 1, rows)):
+        for n in range(max(j - _BRIDGE_CELLS, 0), min(j + _BRIDGE_CELLS + 1, cols)):
+            if sums[m, n, SEEN] >= least:
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _decide(sums, corner, thing, height, sigma, walls, half_view, focal, fit, limits):  # type: ignore[no-untyped-def]
+    """Cells by what they hold, without their surroundings; and how near and far what stands in them may reach."""
+    x0, y0, size = corner
+    noise_m, distance = fit
+    least_seen, least_area, lowest = limits
+    rows, cols, _ = sums.shape
+    grid = np.full((rows, cols), UNKNOWN_CELL, np.int8)
+    nearest = np.full((rows, cols), np.inf)
+    farthest = np.full((rows, cols), -np.inf)
+    for i in range(rows):
+        y = y0 + (i + 0.5) * size
+        for j in range(cols):
+            x = x0 + (j + 0.5) * size
+            inside, on_wall, near_room = True, False, True
+            for k in range(len(walls)):
+                a, b = walls[k, 0], walls[k, 1]
+                before, half = walls[k, 2] - a * x - b * y, 0.5 * size * (abs(a) + abs(b))
+                inside, near_room = inside and before >= 0.0, near_room and before >= -half
+                if abs(before) < half:
+                    # The foot of a wall looks like floor a cell behind it; an open door shows floor farther on.
+                    m = min(max(i + int(np.rint(_BEHIND_WALL_CELLS * b)), 0), rows - 1)
+                    n = min(max(j + int(np.rint(_BEHIND_WALL_CELLS * a)), 0), cols - 1)
+                    on_wall = on_wall or sums[m, n, SEEN] < least_seen
+            if on_wall and near_room and abs(np.arctan2(y, x)) <= half_view:
+                grid[i, j] = OCCUPIED_CELL
+            if not inside:
+                continue
+            cell = sums[i, j]
+            r = np.sqrt(x * x + y * y)
+            beside = _is_beside(thing, i, j)
+            raised = height[i, j] > max(lowest, _DOUBT_SIGMAS * sigma[i, j])
+            hole, gap = cell[HOLE] >= _MIN_HOLE, cell[BLIND] >= _MAX_GAP
+            pixel = r * r / (focal * size) ** 2  # share of a cell that a pixel covers there
+            touched = cell[OBSTACLE] >= _DOUBT_SHARE * least_area or (
+                beside and cell[TOUCHED] >= max(_TOUCH_SHARE * least_area, _TOUCH_PIXELS * pixel)
+            )
+            if thing[i, j] or hole:
+                grid[i, j] = OCCUPIED_CELL
+            elif grid[i, j] != OCCUPIED_CELL:
+                clear = not (raised or touched or gap) and _is_floor(sums, i, j, least_seen)
+                grid[i, j] = FREE_CELL if clear else UNKNOWN_CELL
+            noise = band_sigma(noise_m, r) * r / distance
+            stands = thing[i, j] or hole or raised or gap
+            if stands or (beside and cell[OBSTACLE_PIXELS] > 0):
+                at = cell[NEAREST] if cell[NEAREST] < np.inf else r - 0.5 * size
+                sure = max(noise - _SURE_M, 0.0) if thing[i, j] else 0.0
+                nearest[i, j] = at + (sure if stands else _STRAY_SIGMAS * noise)
+            if thing[i, j]:
+                farthest[i, j] = cell[FARTHEST] + _BEHIND_SIGMAS * noise
+    return grid, nearest, farthest
 
 
 @njit(cache=True, nogil=True)
@@ -185,15 +294,15 @@ def _keep_away(grid, nearest, farthest, walls, x0, y0, size, margin):  # type: i
             ex, ey = x / r, y / r
             near = False
             for k in range(steps + 1):
-                px, py = x + 0.5 * k * size * ex - x0, y + 0.5 * k * size * ey - y0
-                m, n = int(np.floor(py / size)), int(np.floor(px / size))
+                m, n = int(np.floor(i + 0.5 + 0.5 * k * ey)), int(np.floor(j + 0.5 + 0.5 * k * ex))
                 if 0 <= m < rows and 0 <= n < cols and nearest[m, n] <= r + margin:
                     near = True
-            for k in range(1, steps + 1):
-                px, py = x - 0.5 * k * size * ex - x0, y - 0.5 * k * size * ey - y0
-                m, n = int(np.floor(py / size)), int(np.floor(px / size))
+                    break
+            for k in range(1, 1 if near else steps + 1):
+                m, n = int(np.floor(i + 0.5 - 0.5 * k * ey)), int(np.floor(j + 0.5 - 0.5 * k * ex))
                 if 0 <= m < rows and 0 <= n < cols and farthest[m, n] >= r:
                     near = True
+                    break
             for k in range(len(walls)):
                 ahead = walls[k, 0] * (x + margin * ex) + walls[k, 1] * (y + margin * ey)
                 if ahead >= walls[k, 2]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from .config import EstimatorConfig
@@ -19,7 +20,7 @@ from .floor_cells import FLOOR_PIXEL, OBSTACLE_PIXEL, FloorCells, sum_floor_cell
 from .floor_frame import floor_frame, room_outline, walls_on_floor
 from .floor_plane import FloorPlane, fit_floor
 from .frame import CameraIntrinsics
-from .free_cells import FREE_CELL, OCCUPIED_CELL, UNKNOWN_CELL, decide_cells, occupied_cells
+from .free_cells import FREE_CELL, OCCUPIED_CELL, UNKNOWN_CELL, decide_cells, floor_levels, occupied_cells
 from .overhang import hide_overhung
 from .scan import RangeScan, cast_scan
 from .sight_lines import in_line_of_sight
@@ -96,9 +97,10 @@ def compute_free_space(
     holes = close_holes(geometry.inverse_depth, estimate.labels, color)
     closed = replace(geometry, inverse_depth=holes.inverse_depth)
     cells = sum_floor_cells(closed, holes.kind, fit, T_camera_floor, barriers, config)
-    thing = occupied_cells(cells, config)
-    camera, corner = geometry.camera, (*cells.origin_m, cells.resolution_m)
-    grid = decide_cells(cells, thing, fit, barriers, _half_view(camera), camera.fx, config)
+    levels = floor_levels(cells)
+    thing = occupied_cells(cells, levels, config)
+    camera, corner = geometry.camera, cells.corner
+    grid = decide_cells(cells, levels, thing, fit, barriers, _half_view(camera), camera.fx, config)
     hide_overhung(grid, holes.inverse_depth, camera, T_camera_floor, corner, config.robot_height_m)
     size, (x0, y0) = cells.resolution_m, cells.origin_m
     box = (x0, y0, x0 + grid.shape[1] * size, y0 + grid.shape[0] * size)
@@ -125,7 +127,23 @@ def _cloud(
     geometry: DepthGeometry, cells: FloorCells, where: NDArray[np.bool_], kind: int, step: int
 ) -> NDArray[np.float32]:
     """(n, 3) float32 points of one kind of pixels whose cell is chosen."""
-    kinds, index = cells.kind[::step, ::step], cells.cell[::step, ::step]
-    v, u = np.nonzero((kinds == kind) & (index >= 0) & where.ravel()[index])
-    rays = geometry.camera.rays()[::step, ::step][v, u]
-    return rays / geometry.inverse_depth[::step, ::step][v, u][:, None]
+    c = geometry.camera
+    intrinsics = (c.fx, c.fy, c.cx, c.cy)
+    return np.asarray(
+        _points(geometry.inverse_depth, intrinsics, cells.kind, cells.cell, where.ravel(), kind, step), np.float32
+    )
+
+
+@njit(cache=True, nogil=True)
+def _points(inverse, intrinsics, kinds, cell, where, kind, step):  # type: ignore[no-untyped-def]
+    fx, fy, cx, cy = intrinsics
+    height, width = inverse.shape
+    points = np.empty((((height + step - 1) // step) * ((width + step - 1) // step), 3), np.float32)
+    count = 0
+    for v in range(0, height, step):
+        for u in range(0, width, step):
+            if kinds[v, u] == kind and cell[v, u] >= 0 and where[cell[v, u]]:
+                z = 1.0 / inverse[v, u]
+                points[count, 0], points[count, 1], points[count, 2] = (u - cx) / fx * z, (v - cy) / fy * z, z
+                count += 1
+    return points[:count].copy()

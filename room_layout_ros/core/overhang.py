@@ -39,42 +39,53 @@ def hide_overhung(
 @njit(cache=True, nogil=True)
 def _hide(grid, inverse, intrinsics, T, corner, robot_height):  # type: ignore[no-untyped-def]
     """Free cells become unknown where a thing hides the space above one of their corners (a chair's seat)."""
-    x0, y0, size = corner
-    covered = np.zeros((grid.shape[0] + 1, grid.shape[1] + 1), np.bool_)
-    for i in range(grid.shape[0] + 1):
-        for j in range(grid.shape[1] + 1):
-            near = False
-            for m in range(max(i - 1, 0), min(i + 1, grid.shape[0])):
-                for n in range(max(j - 1, 0), min(j + 1, grid.shape[1])):
-                    near = near or grid[m, n] == 0
-            if near:
-                covered[i, j] = _is_covered(x0 + j * size, y0 + i * size, inverse, intrinsics, T, robot_height)
-    for i in range(grid.shape[0]):
-        for j in range(grid.shape[1]):
+    rows, cols = grid.shape
+    covered = _covered(grid, inverse, intrinsics, T, corner, robot_height)
+    for i in range(rows):
+        for j in range(cols):
             hidden = covered[i, j] or covered[i + 1, j] or covered[i, j + 1] or covered[i + 1, j + 1]
             if hidden and grid[i, j] == 0:
                 grid[i, j] = -1
 
 
 @njit(cache=True, nogil=True)
-def _is_covered(x, y, inverse, intrinsics, T, robot_height):  # type: ignore[no-untyped-def]
-    """Whether something nearer hides part of the space above a point of the floor."""
+def _covered(grid, inverse, intrinsics, T, corner, robot_height):  # type: ignore[no-untyped-def]
+    """Corners (rows + 1, cols + 1) of free cells over which something nearer hides part of the space."""
     fx, fy, cx, cy = intrinsics
+    x0, y0, size = corner
+    rows, cols = grid.shape
     height, width = inverse.shape
-    hidden = 0
-    for k in range(1, min(int(robot_height / _STEP_M), _STEPS) + 1):
-        h = k * _STEP_M
-        z = T[2, 0] * x + T[2, 1] * y + T[2, 2] * h + T[2, 3]
-        if z < 0.1:
-            continue
-        u = int(np.rint((T[0, 0] * x + T[0, 1] * y + T[0, 2] * h + T[0, 3]) / z * fx + cx))
-        v = int(np.rint((T[1, 0] * x + T[1, 1] * y + T[1, 2] * h + T[1, 3]) / z * fy + cy))
-        # What the side of the picture cuts off goes on beyond it, and may be the thing right here.
-        cut = u < 0 or u >= width
-        u = min(max(u, 0), width - 1)
-        if v < 0 or v >= height or inverse[v, u] <= 0.0:
-            continue
-        before = z - 1.0 / inverse[v, u]
-        if before > (_CUT_M if cut else _COVER_M[0]) and before < _COVER_M[1]:
-            hidden += 2 if cut else 1
-    return hidden >= _MIN_HIDDEN
+    steps = min(int(robot_height / _STEP_M), _STEPS)
+    covered = np.zeros((rows + 1, cols + 1), np.bool_)
+    for i in range(rows + 1):
+        for j in range(cols + 1):
+            near = False
+            for m in range(max(i - 1, 0), min(i + 1, rows)):
+                for n in range(max(j - 1, 0), min(j + 1, cols)):
+                    near = near or grid[m, n] == 0
+            if not near:
+                continue
+            x, y, hidden = x0 + j * size, y0 + i * size, 0
+            px, py = T[0, 0] * x + T[0, 1] * y + T[0, 3], T[1, 0] * x + T[1, 1] * y + T[1, 3]
+            pz = T[2, 0] * x + T[2, 1] * y + T[2, 3]
+            for k in range(1, steps + 1):
+                h = k * _STEP_M
+                z = pz + T[2, 2] * h
+                if z < 0.1:
+                    continue
+                w = 1.0 / z
+                u = int(np.rint((px + T[0, 2] * h) * w * fx + cx))
+                v = int(np.rint((py + T[1, 2] * h) * w * fy + cy))
+                # What the side of the picture cuts off goes on beyond it, and may be the thing right here.
+                cut = u < 0 or u >= width
+                u = min(max(u, 0), width - 1)
+                if v < 0 or v >= height or inverse[v, u] <= 0.0:
+                    continue
+                # how far it stands before the space: z - 1 / inverse, without a division
+                least, most = z - (_CUT_M if cut else _COVER_M[0]), z - _COVER_M[1]
+                if least * inverse[v, u] > 1.0 and most * inverse[v, u] < 1.0:
+                    hidden += 2 if cut else 1
+                    if hidden >= _MIN_HIDDEN:
+                        covered[i, j] = True
+                        break
+    return covered

@@ -40,11 +40,14 @@ def refine_walls(
     """
     c = geometry.camera
     moved = walls.copy()
-    for row in moved:
-        votes = _slice_votes(
-            geometry.inverse_depth, estimate.labels, FACES[int(row[3])], (c.fx, c.fy, c.cx, c.cy), T_camera_floor,
-            (row[0], row[1], row[2]),
-        )  # fmt: skip
+    if not len(walls):
+        return moved
+    wall_of = np.full(max(FACES) + 1, -1, np.int64)
+    wall_of[[FACES[int(k)] for k in walls[:, 3]]] = np.arange(len(walls))
+    every = _slice_votes(
+        geometry.inverse_depth, estimate.labels, wall_of, (c.fx, c.fy, c.cx, c.cy), T_camera_floor, walls
+    )
+    for row, votes in zip(moved, every, strict=True):
         smooth = np.convolve(votes, (0.5, 1.0, 0.5), mode="same")
         best, here = int(np.argmax(smooth)), len(votes) // 2
         if smooth[best] >= _MIN_SLICES and smooth[best] > _CLEAR_WIN * smooth[here - 2 : here + 3].max():
@@ -54,20 +57,23 @@ def refine_walls(
 
 
 @njit(cache=True, nogil=True)
-def _slice_votes(inverse, labels, face, intrinsics, T, wall):  # type: ignore[no-untyped-def]
-    """Votes per distance before the wall (middle bin: on it): one per slice along the wall, for its fullest bin."""
+def _slice_votes(inverse, labels, wall_of, intrinsics, T, walls):  # type: ignore[no-untyped-def]
+    """Votes (walls, bins) per distance before a wall (middle bin: on it): one per slice along it, for its fullest bin.
+
+    `wall_of` is the row of `walls` per label, -1 where a label is no wall.
+    """
     fx, fy, cx, cy = intrinsics
-    a, b, c = wall
     half = int(_REACH_M / _BIN_M)
-    slices = int(2 * _LONGEST_M / _SLICE_M)
-    counts = np.zeros((slices, 2 * half + 1), np.int64)
+    slices, bins = int(2 * _LONGEST_M / _SLICE_M), 2 * half + 1
+    counts = np.zeros((len(walls), slices, bins), np.int32)
     distance = T[0, 3] * -T[0, 2] + T[1, 3] * -T[1, 2] + T[2, 3] * -T[2, 2]
     height, width = inverse.shape
     for v in range(0, height, _STRIDE):
         ry = (v - cy) / fy
         for u in range(0, width, _STRIDE):
-            w = inverse[v, u]
-            if w <= 0.0 or labels[v, u] != face:
+            w, label = inverse[v, u], labels[v, u]
+            wall = wall_of[label] if label < len(wall_of) else -1
+            if w <= 0.0 or wall < 0:
                 continue
             rx, z = (u - cx) / fx, 1.0 / w
             h = distance + (T[0, 2] * rx + T[1, 2] * ry + T[2, 2]) * z
@@ -75,17 +81,14 @@ def _slice_votes(inverse, labels, face, intrinsics, T, wall):  # type: ignore[no
                 continue
             x = (T[0, 0] * rx + T[1, 0] * ry + T[2, 0]) * z
             y = (T[0, 1] * rx + T[1, 1] * ry + T[2, 1]) * z
+            a, b, c = walls[wall, 0], walls[wall, 1], walls[wall, 2]
             k = int(np.floor((c - a * x - b * y) / _BIN_M + 0.5)) + half
             s = int(np.floor((a * y - b * x + _LONGEST_M) / _SLICE_M))
-            if 0 <= k < counts.shape[1] and 0 <= s < slices:
-                counts[s, k] += 1
-    votes = np.zeros(counts.shape[1])
-    for s in range(slices):
-        total, best = 0, 0
-        for k in range(counts.shape[1]):
-            total += counts[s, k]
-            if counts[s, k] > counts[s, best]:
-                best = k
-        if total >= _MIN_SLICE_PIXELS:
-            votes[best] += 1.0
+            if 0 <= k < bins and 0 <= s < slices:
+                counts[wall, s, k] += 1
+    votes = np.zeros((len(walls), bins))
+    for wall in range(len(walls)):
+        for s in range(slices):
+            if counts[wall, s].sum() >= _MIN_SLICE_PIXELS:
+                votes[wall, np.argmax(counts[wall, s])] += 1.0
     return votes
