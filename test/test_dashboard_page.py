@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Iterator
+from dataclasses import replace
 from http.server import ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
@@ -41,7 +43,8 @@ class Page:
     def wait(self) -> None:
         """Wait until the newest room is drawn, and its picture decoded."""
         number, frames, _ = self.board.look()
-        self.browser.wait_for(f"drawn === {number} && document.getElementById('overlay').naturalWidth > 0")
+        self.browser.wait_for(f"drawn === {number} && charted === newest")
+        self.browser.wait_for("document.getElementById('overlay').naturalWidth > 0")
         assert self.browser.value("seen.at(-1)[1]") == frames
 
     def traces(self, plot: str, fields: str) -> list[Any]:
@@ -245,13 +248,14 @@ def test_a_frame_without_floor_says_so(page: Page, rooms: list[Room]) -> None:
     assert "no floor in view" in page.browser.value("document.getElementById('plan').textContent")
 
 
-def test_eight_frames_a_second_do_not_choke_the_page(page: Page, rooms: list[Room]) -> None:
+def test_at_eight_frames_a_second_the_page_keeps_up_with_the_newest(page: Page, rooms: list[Room]) -> None:
+    for k in range(24):
+        page.board.show(replace(rooms[k % 3], name=f"quick {k}"))
+        time.sleep(0.125)
+    end = time.monotonic()
     page.wait()
-    busy = page.browser.value("""(async () => {
-        const state = await (await fetch('state.json')).json(), start = performance.now();
-        for (let k = 0; k < 5; k++) await draw(state);
-        return (performance.now() - start) / 5 })()""")
-    assert busy < 1000  # an alarm for slow machines too; 60 to 100 ms here
+    assert time.monotonic() - end < 3.0  # draws in 0.1 s on two shared cores; 24 in a queue would take longer
+    assert page.browser.value("name") == "quick 23"
 
 
 def test_nothing_of_all_this_was_an_error(page: Page) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 SCRIPT = r""""use strict";
 const FACES = FACES_OF_THE_ROOM, $ = id => document.getElementById(id);
 const INK = "#c9d1dc", LINE = "#303743", FONT = {color: INK, family: "system-ui,sans-serif", size: 12};
-const config = (buttons, more) => ({responsive: true, displaylogo: false, displayModeBar: buttons.length > 0,
-  modeBarButtons: [buttons], ...more});
+const config = (buttons, more) => ({responsive: true, displaylogo: false, plotGlPixelRatio: 1,
+  displayModeBar: buttons.length > 0, modeBarButtons: [buttons], ...more});
 const REACH = 12;  // metres of the room that are shown in each direction
+const POLL_MS = 100, REST_MS = 20, CHART_MS = 500;  // between questions, least pause after drawing, between charts
 const decode = (text, Type) => new Type(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
 const dark = more => ({
   // The person's view, zoom and hidden names outlive a frame.
@@ -133,9 +134,17 @@ function release() {
 for (const end of ["pointerup", "pointercancel"]) addEventListener(end, () => setTimeout(release, 50), true);
 async function draw(state) {
   if (state.overlay) $("overlay").src = "overlay.jpg?" + state.number;
-  drawNumbers(state);
   if (held) waiting = state; else await drawRoom(state);
-  await Promise.all([drawPlan(state), drawStages(state), drawRate(state)]);
+  await drawPlan(state);
+}
+// What a person reads need not change with each frame.
+let charted = null, chartedAt = -Infinity;
+async function chart(state) {
+  const now = performance.now();
+  if (state === charted || now - chartedAt < CHART_MS) return;
+  charted = state; chartedAt = now;
+  drawNumbers(state);
+  await Promise.all([drawStages(state), drawRate(state)]);
 }
 function tellAge(answered) {
   const age = (performance.now() - drawnAt) / 1000;
@@ -143,18 +152,21 @@ function tellAge(answered) {
   $("age").textContent = !answered ? "the dashboard has ended"
     : shown < 0 ? "waiting for the first room" : `frame ${name}, ${age.toFixed(1)} s ago`;
 }
+let newest = null;
 async function poll() {
+  const begun = performance.now();
   // undefined: no answer. null: nothing new.
   const state = await fetch("state.json?after=" + shown).then(answer => answer.json()).catch(() => undefined);
   try {
     if (state) {
-      shown = state.number; name = state.name; drawnAt = performance.now();
+      newest = state; shown = state.number; name = state.name; drawnAt = performance.now();
       await draw(state);
       drawn = state.number;
     }
+    if (newest) await chart(newest);
   } finally {
     tellAge(state !== undefined);
-    setTimeout(poll, 120);
+    setTimeout(poll, Math.max(REST_MS, POLL_MS - (performance.now() - begun)));
   }
 }
 poll();
