@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from typing import ParamSpec, TypeVar
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+_THREADS = ThreadPoolExecutor(8, thread_name_prefix="room-layout-stage")
+"""For the stages beside others, of all frames in flight; a stage never waits for another one in it. Kept, because every
+tenth new thread starts milliseconds late: its maker holds the interpreter's lock."""
 
 
 class StageClock:
@@ -34,5 +38,8 @@ class StageClock:
         Kernels and OpenCV give the lock free, so an independent stage costs no time where a second core is idle.
         """
         self.timings_ms[stage] = 0.0  # keeps the stages in order of their start
-        with ThreadPoolExecutor(1, thread_name_prefix=stage) as pool:
-            yield pool.submit(lambda: self(stage, function, *args, **kwargs)).result
+        running = _THREADS.submit(lambda: self(stage, function, *args, **kwargs))
+        try:
+            yield running.result
+        finally:
+            wait([running])
