@@ -164,6 +164,42 @@ def cell_means(index: NDArray[np.int32], values: F64, size: int) -> F64:
     return np.array(cells)
 
 
+def candidates(rays: F64, inverse_depth: F64, probability: F64, R: F64) -> list[list[float]]:
+    """Distances worth trying per face, nearest relatives left out: modes, extents, guesses, and out of view."""
+    seen = inverse_depth > 0
+    points, p = (rays[seen] / inverse_depth[seen, None]) @ R.T, probability[seen]
+    result = []
+    for face in range(5):
+        along = FACE_SIGN[face] * points[:, FACE_AXIS[face]]
+        mine = p[:, face] if face < 2 else p[:, 2:5].sum(axis=1)
+        values = modes(along, mine, 5)
+        if face >= 2:
+            values += modes(along, p[:, 5], 2)
+            if (along > 0.05).sum() > 12:
+                values += [float(v) for v in np.quantile(along[along > 0.05], (0.98, 0.995))]
+        elif mine.sum() < 4.0:
+            values = [0.9, 1.1, 1.3, 1.5] if face == 1 else []
+        kept: list[float] = []
+        for value in values:
+            if value > 0.05 and all(abs(value - other) > 0.03 + 0.02 * other for other in kept):
+                kept.append(value)
+        result.append([*kept, np.inf])
+    return result
+
+
+def modes(along: F64, weight: F64, count: int) -> list[float]:
+    """Up to `count` strongest local maxima of the smoothed histogram in bins of 25 mm."""
+    keep = (along > 0.05) & (along < 15.0)
+    if weight[keep].sum() < 2.0:
+        return []
+    histogram = np.bincount((along[keep] / 0.025).astype(int), weight[keep], minlength=601)
+    kernel = np.exp(-0.5 * (np.arange(-6, 7) / 2.0) ** 2)
+    smooth = np.convolve(histogram, kernel / kernel.sum(), mode="same")
+    padded = np.concatenate([[0.0], smooth, [0.0]])
+    peaks = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:]) & (smooth > 0.1))
+    return [float((i + 0.5) * 0.025) for i in peaks[np.argsort(-smooth[peaks], kind="stable")][:count]]
+
+
 def score_face(
     rays: F64, points: F64, agreement: F64, structure: F64, sigma: F64, distances: F64, violation_weight: float
 ) -> float:

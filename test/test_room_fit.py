@@ -16,9 +16,9 @@ from room_layout_ros.core.layout import FACE_AXIS, FACE_SIGN, RoomCuboid
 from room_layout_ros.core.manhattan import angle_between_frames
 from room_layout_ros.core.room_balance import _balance, balance_faces
 from room_layout_ros.core.room_cells import RoomCells, _cell_means, room_cells
-from room_layout_ros.core.room_cost import COSTS, FittedRoom, mean_cost
+from room_layout_ros.core.room_cost import COSTS, FittedRoom, cell_costs, mean_cost
 from room_layout_ros.core.room_refinement import refine_room
-from room_layout_ros.core.room_search import search_room
+from room_layout_ros.core.room_search import _candidates, search_room
 from room_layout_ros.datasets import good_samples
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import SyntheticSource
@@ -68,14 +68,14 @@ def test_the_cost_equals_the_cost_cell_by_cell(rng: np.random.Generator) -> None
         cells = random_cells(rng, 60)
         R, distances = random_room(rng)
         arrays = (cells.rays, cells.inverse_depth, cells.probability, cells.behind, R, distances)
-        fast = mean_cost(*arrays, costs, 60, np.inf)
+        fast = mean_cost(cell_costs(cells, costs).terms, R, distances, costs, 60, np.inf)
         assert fast == pytest.approx(naive_room.mean_cost(*arrays, costs), rel=1e-10)
 
 
 def test_a_cost_above_the_limit_is_infinite_and_below_it_is_exact(rng: np.random.Generator) -> None:
     cells = random_cells(rng, 640)
     R, distances = random_room(rng)
-    arrays = (cells.rays, cells.inverse_depth, cells.probability, cells.behind, R, distances, COSTS, 640)
+    arrays = (cell_costs(cells).terms, R, distances, COSTS, 640)
     cost = mean_cost(*arrays, np.inf)
     assert mean_cost(*arrays, cost * 1.01) == cost
     assert mean_cost(*arrays, cost * 0.5) == np.inf
@@ -105,6 +105,16 @@ def test_cell_means_equal_slicing(height: int, width: int, size: int, rng: np.ra
     np.testing.assert_allclose(fast, naive_room.cell_means(index, values, size), rtol=1e-12)
 
 
+@pytest.mark.parametrize("measured", (0, 8, 200))
+def test_the_candidates_are_the_modes_and_extents_that_numpy_finds(measured: int, rng: np.random.Generator) -> None:
+    cells, R = random_cells(rng, 700), look(*rng.uniform(-20, 20, 3))
+    cells.inverse_depth[measured:] = 0.0
+    table, sizes = _candidates(cells.rays, cells.inverse_depth, cells.probability, R)
+    expected = naive_room.candidates(cells.rays, cells.inverse_depth, cells.probability, R)
+    for face in range(5):
+        np.testing.assert_allclose(table[face, : sizes[face]], expected[face], rtol=1e-12)
+
+
 def test_any_first_part_of_the_cells_is_spread_over_the_image() -> None:
     frame, room = seen_from_inside(HALF)
     cells = cells_of(frame, room.raster(HALF))
@@ -122,12 +132,12 @@ def test_an_exact_room_costs_nothing_but_its_faces_and_every_other_room_costs_mo
     frame, room = seen_from_inside(HALF)
     cells = cells_of(frame, room.raster(HALF))
     seen = np.where(np.isin(np.arange(1, 6), room.raster(HALF)), room.distances, np.inf)
-    arrays = (cells.rays, cells.inverse_depth, cells.probability, cells.behind)
-    best = mean_cost(*arrays, room.R_room_camera, seen, COSTS, len(cells.rays), np.inf)
+    terms, R = cell_costs(cells).terms, room.R_room_camera
+    best = mean_cost(terms, R, seen, COSTS, len(cells.rays), np.inf)
     assert best < COSTS[3] * 5 + 0.06  # cells across an edge of the room are of two kinds
     for _ in range(20):
         moved = seen * rng.uniform(0.8, 1.25, 5)
-        assert mean_cost(*arrays, room.R_room_camera, moved, COSTS, len(cells.rays), np.inf) > best
+        assert mean_cost(terms, R, moved, COSTS, len(cells.rays), np.inf) > best
 
 
 @pytest.mark.parametrize("R", [look(20, 8, 1.5), look(-35, 5), look(3, 15, -2)])
@@ -135,7 +145,7 @@ def test_search_comes_near_and_refinement_arrives(R: F64) -> None:
     frame, room = seen_from_inside(HALF, R)
     raster = room.raster(HALF)
     seen = np.bincount(raster.ravel(), minlength=6)[1:] > 500
-    cells = cells_of(frame, raster)
+    cells = cell_costs(cells_of(frame, raster))
     start = search_room(cells, look(0.7, -0.4, 0.5) @ R)
     assert np.abs(start.distances - ROOM)[seen].max() < 0.15
     fitted = refine_room(cells, start)
@@ -147,7 +157,7 @@ def test_search_comes_near_and_refinement_arrives(R: F64) -> None:
 
 def test_faces_out_of_view_are_not_made_up() -> None:
     frame, room = seen_from_inside(HALF, look(0, 5), np.array([np.inf, 1.3, np.inf, 3.0, np.inf]))
-    cells = cells_of(frame, room.raster(HALF))
+    cells = cell_costs(cells_of(frame, room.raster(HALF)))
     fitted = refine_room(cells, search_room(cells, look(0, 5)))
     np.testing.assert_array_equal(np.isinf(fitted.distances), [True, False, True, False, True])
 
@@ -155,14 +165,14 @@ def test_faces_out_of_view_are_not_made_up() -> None:
 def test_where_nothing_is_measured_and_nothing_known_the_search_still_ends() -> None:
     rays = np.column_stack([np.zeros((60, 2)), np.ones(60)])
     cells = RoomCells(rays, np.zeros(60), np.zeros((60, 6)), np.zeros((60, 5)))
-    fitted = refine_room(cells, search_room(cells, np.eye(3)))
+    fitted = refine_room(cell_costs(cells), search_room(cell_costs(cells), np.eye(3)))
     assert np.isfinite(fitted.cost)
     assert not np.isnan(fitted.distances).any()
 
 
 def test_refinement_does_not_touch_its_start() -> None:
     frame, room = seen_from_inside(SMALL)
-    cells = cells_of(frame, room.raster(SMALL))
+    cells = cell_costs(cells_of(frame, room.raster(SMALL)))
     start = FittedRoom(look(19, 8, 1), ROOM + 0.03, 1.0)
     before = start.R_room_camera.copy(), start.distances.copy()
     refine_room(cells, start)
@@ -195,7 +205,7 @@ def test_where_the_classes_are_known_clutter_before_half_of_every_wall_hides_no_
             assert sample.truth is not None
             assert sample.truth.cuboid is not None
             assert sample.truth.labels is not None
-            cells = cells_of(sample.frame, sample.truth.labels)
+            cells = cell_costs(cells_of(sample.frame, sample.truth.labels))
             fitted = refine_room(cells, search_room(cells, sample.truth.cuboid.R_room_camera))
             layout = RoomCuboid(fitted.R_room_camera, fitted.distances).raster(HALF)
             errors.append(float((layout != sample.truth.layout).mean()))

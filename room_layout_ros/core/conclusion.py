@@ -14,12 +14,12 @@ from .depth import DepthGeometry
 from .estimate import RoomEstimate, Status
 from .frame import CameraIntrinsics, RgbdFrame
 from .joint import JointEstimate
-from .labels import CLUTTER, N_FACES, N_LABELS
+from .labels import CLUTTER, N_LABELS
 from .layout import RoomCuboid
 from .manhattan import ManhattanFrame
 from .room_balance import balance_faces
 from .room_cells import image_cells, room_cells
-from .room_cost import IMAGE_COSTS, FittedRoom, rate_room
+from .room_cost import IMAGE_COSTS, FittedRoom, cell_costs, rate_room
 from .room_refinement import refine_room
 from .room_search import search_room
 from .scene_network import SceneScores
@@ -82,21 +82,17 @@ def refine_cuboid(
     start = FittedRoom(cuboid.R_room_camera, cuboid.distances, np.inf)
     if geometry is None:
         cells = image_cells(camera, 0.5 * believed + 0.5 * labels, superpixels.index, behind)
-        room = refine_room(cells, start, IMAGE_COSTS, turn=False)
+        room = refine_room(cell_costs(cells, IMAGE_COSTS), start, turn=False)
         measured = 0.0
     else:
         cells = room_cells(geometry, believed, superpixels.index, behind)
-        starts = (rate_room(cells, start), search_room(cells, cuboid.R_room_camera))
+        rated = cell_costs(cells)
+        starts = (rate_room(rated, start), search_room(rated, cuboid.R_room_camera))
         limit = _HOPELESS * min(start.cost for start in starts)
-        room = min((refine_room(cells, start) for start in starts if start.cost <= limit), key=lambda room: room.cost)
+        room = min((refine_room(rated, start) for start in starts if start.cost <= limit), key=lambda room: room.cost)
         measured = geometry.measured
     balance = balance_faces(cells, room.R_room_camera, room.distances)
     return RefinedRoom(RoomCuboid(room.R_room_camera, room.distances), room.cost, balance, measured, certainty)
-
-
-def faces_in_view(layout: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """(5,) bool: faces that cover more than a few pixels of a layout image."""
-    return np.asarray(_count_faces(layout)[1 : N_FACES + 1] >= _LEAST_FACE_PX)
 
 
 def conclude(
@@ -114,12 +110,12 @@ def conclude(
     A pixel of a superpixel that is structure has the face of the layout there (a superpixel may lie across an edge
     of the room); all pixels of a clutter superpixel are clutter.
     """
-    layout = room.cuboid.raster(frame.camera)
-    seen = faces_in_view(layout)
+    layout, pixels = room.cuboid.view(frame.camera)
+    seen = pixels[1:] >= _LEAST_FACE_PX
     cuboid, origin = name_walls(room.cuboid, seen)
     if cuboid is not room.cuboid:
-        layout = cuboid.raster(frame.camera)
-        seen = faces_in_view(layout)
+        layout, pixels = cuboid.view(frame.camera)
+        seen = pixels[1:] >= _LEAST_FACE_PX
     clutter = joint.labels == CLUTTER
     signs = gather_signs(axes, joint, room, origin)
     confidence, face_confidence = state_confidence(signs, seen, model)
@@ -146,9 +142,7 @@ def conclude(
     )
 
 
-def gather_signs(
-    axes: ManhattanFrame, joint: JointEstimate, room: RefinedRoom, origin: NDArray[np.intp]
-) -> Signs:
+def gather_signs(axes: ManhattanFrame, joint: JointEstimate, room: RefinedRoom, origin: NDArray[np.intp]) -> Signs:
     """Collect what the confidences are computed from; `origin` is each face's index before the walls were named."""
     belief = joint.solution.face_confidence
     in_view = belief > 0
@@ -159,22 +153,11 @@ def gather_signs(
 
 
 @njit(cache=True, nogil=True)
-def _count_faces(layout):  # type: ignore[no-untyped-def]
-    counts = np.zeros(256, np.int64)
-    height, width = layout.shape
-    for y in range(height):
-        for x in range(width):
-            counts[layout[y, x]] += 1
-    return counts
-
-
-@njit(cache=True, nogil=True)
 def _paint_labels(layout, index, clutter):  # type: ignore[no-untyped-def]
     """The layout, with clutter over the superpixels that are."""
-    labels = layout.copy()
+    labels = np.empty_like(layout)
     height, width = layout.shape
     for y in range(height):
         for x in range(width):
-            if clutter[index[y, x]]:
-                labels[y, x] = CLUTTER
+            labels[y, x] = CLUTTER if clutter[np.uint32(index[y, x])] else layout[y, x]
     return labels

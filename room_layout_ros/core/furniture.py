@@ -147,7 +147,7 @@ def _paint(index, ids):  # type: ignore[no-untyped-def]
     image = np.empty(index.shape, ids.dtype)
     for y in range(index.shape[0]):
         for x in range(index.shape[1]):
-            image[y, x] = ids[index[y, x]]
+            image[y, x] = ids[np.uint32(index[y, x])]
     return image
 
 

@@ -45,7 +45,7 @@ class RoomCuboid:
         if self.distances.shape != (N_FACES,) or not (self.distances > 0).all():
             raise ValueError(f"plane distances are {self.distances}; five values above 0 are needed")
         R = self.R_room_camera
-        if R.shape != (3, 3) or not np.allclose(R @ R.T, np.eye(3), atol=1e-6) or np.linalg.det(R) < 0:
+        if R.shape != (3, 3) or not is_rotation(R):
             raise ValueError(f"R_room_camera is {R.tolist()}; it must be a rotation matrix")
 
     @property
@@ -55,36 +55,34 @@ class RoomCuboid:
 
     def raster(self, camera: CameraIntrinsics) -> NDArray[np.uint8]:
         """Return the layout image: (H, W) uint8, face ids 1..5 (0 where no finite face is hit)."""
-        return self._cast(camera)[0]
+        return self.view(camera)[0]
+
+    def view(self, camera: CameraIntrinsics) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+        """Return `raster` and how many pixels each id has in it, (6,) int64."""
+        layout, pixels = _raster(self._rows(camera), camera.height, camera.width)
+        return layout, pixels
 
     def depth(self, camera: CameraIntrinsics) -> NDArray[np.float32]:
         """Return the empty room's depth: (H, W) float32 along the optical axis, inf where nothing is hit."""
-        return self._cast(camera)[1]
+        return np.asarray(_depth(self._rows(camera), camera.height, camera.width))
 
-    def _cast(self, camera: CameraIntrinsics) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        m = self.inverse_normals @ np.linalg.inv(camera.matrix)
-        return _cast(m, camera.height, camera.width)
+    def _rows(self, camera: CameraIntrinsics) -> NDArray[np.float64]:
+        """(5, 3) m_k: the inverse depth of face k at pixel (x, y) is m_k . (x, y, 1)."""
+        m = self.inverse_normals
+        x, y = m[:, 0] / camera.fx, m[:, 1] / camera.fy
+        return np.stack([x, y, m[:, 2] - x * camera.cx - y * camera.cy], axis=1)
 
     def polygons(self, camera: CameraIntrinsics) -> tuple[FacePolygon, ...]:
         """Return the visible part of each face, in the order of their ids."""
-        return tuple(p for k in range(N_FACES) if (p := self._polygon(k, camera)) is not None)
-
-    def _polygon(self, k: int, camera: CameraIntrinsics) -> FacePolygon | None:
-        if not np.isfinite(self.distances[k]):
-            return None
-        m = self.inverse_normals @ np.linalg.inv(camera.matrix)
-        right, bottom = camera.width - 0.5, camera.height - 0.5
-        corners = np.array([[-0.5, -0.5, 1.0], [right, -0.5, 1.0], [right, bottom, 1.0], [-0.5, bottom, 1.0]])
-        for other in range(N_FACES):
-            if other != k:
-                corners = _clip(corners, m[k] - m[other])
-        corners = _clip(corners, m[k])  # in front of the plane, not at infinity
-        if len(corners) < 3:
-            return None
-        inverse_depth = np.maximum(corners @ m[k], _MIN_POLYGON_DEPTH)
-        points = (corners @ np.linalg.inv(camera.matrix).T) / inverse_depth[:, None]
-        normal = -FACE_SIGN[k] * self.R_room_camera[FACE_AXIS[k]]
-        return FacePolygon(FACES[k], corners[:, :2].copy(), points, normal, float(self.distances[k]))
+        m, found = self._rows(camera), []
+        numbers = (camera.fx, camera.fy, camera.cx, camera.cy)
+        for k in range(N_FACES):
+            if np.isfinite(self.distances[k]):
+                pixels, points = _polygon(m, k, camera.width, camera.height, numbers)
+                normal = -FACE_SIGN[k] * self.R_room_camera[FACE_AXIS[k]]
+                if len(pixels) >= 3:
+                    found.append(FacePolygon(FACES[k], pixels, points, normal, float(self.distances[k])))
+        return tuple(found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,31 +104,104 @@ class FacePolygon:
     distance: float
 
 
-def _clip(polygon: NDArray[np.float64], line: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Keep the part of a convex polygon (n, 3 homogeneous, last = 1) where line . p >= 0 (Sutherland-Hodgman)."""
-    side = polygon @ line
-    kept = []
-    for i in range(len(polygon)):
-        j = (i + 1) % len(polygon)
-        if side[i] >= 0:
-            kept.append(polygon[i])
-        if (side[i] >= 0) != (side[j] >= 0):
-            t = side[i] / (side[i] - side[j])
-            kept.append(polygon[i] + t * (polygon[j] - polygon[i]))
-    return np.array(kept).reshape(-1, 3)
+@njit(cache=True, nogil=True)
+def is_rotation(R):  # type: ignore[no-untyped-def]
+    """Whether a 3 x 3 matrix turns and does nothing else, to about 1e-6; a NaN does not."""
+    for i in range(3):
+        for j in range(3):
+            dot = R[i, 0] * R[j, 0] + R[i, 1] * R[j, 1] + R[i, 2] * R[j, 2]
+            if not abs(dot - (1.0 if i == j else 0.0)) <= (1e-5 if i == j else 1e-6):
+                return False
+    minor0 = R[1, 1] * R[2, 2] - R[1, 2] * R[2, 1]
+    minor1 = R[1, 0] * R[2, 2] - R[1, 2] * R[2, 0]
+    minor2 = R[1, 0] * R[2, 1] - R[1, 1] * R[2, 0]
+    return R[0, 0] * minor0 - R[0, 1] * minor1 + R[0, 2] * minor2 > 0.0
 
 
 @njit(cache=True, nogil=True)
-def _cast(m, height, width):  # type: ignore[no-untyped-def]
-    faces = np.zeros((height, width), np.uint8)
+def _clip(polygon, a, b, c):  # type: ignore[no-untyped-def]
+    """The part of a convex polygon (n, 2) where a x + b y + c >= 0 (Sutherland-Hodgman)."""
+    kept, n = np.empty((len(polygon) + 2, 2)), 0
+    for i in range(len(polygon)):
+        j = (i + 1) % len(polygon)
+        here, there = a * polygon[i, 0] + b * polygon[i, 1] + c, a * polygon[j, 0] + b * polygon[j, 1] + c
+        if here >= 0.0:
+            kept[n] = polygon[i]
+            n += 1
+        if (here >= 0.0) != (there >= 0.0):
+            share = here / (here - there)
+            kept[n, 0] = polygon[i, 0] + share * (polygon[j, 0] - polygon[i, 0])
+            kept[n, 1] = polygon[i, 1] + share * (polygon[j, 1] - polygon[i, 1])
+            n += 1
+    return kept[:n]
+
+
+@njit(cache=True, nogil=True)
+def _polygon(m, k, width, height, camera):  # type: ignore[no-untyped-def]
+    """Corners (n, 2) in the image of what is seen of face k, and (n, 3) on its plane in the camera frame."""
+    fx, fy, cx, cy = camera
+    right, bottom = width - 0.5, height - 0.5
+    corners = np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
+    for other in range(N_FACES):
+        if other != k:
+            corners = _clip(corners, m[k, 0] - m[other, 0], m[k, 1] - m[other, 1], m[k, 2] - m[other, 2])
+    corners = _clip(corners, m[k, 0], m[k, 1], m[k, 2])  # in front of the plane, not at infinity
+    points = np.empty((len(corners), 3))
+    for i in range(len(corners)):
+        x, y = corners[i, 0], corners[i, 1]
+        z = 1.0 / max(m[k, 0] * x + m[k, 1] * y + m[k, 2], _MIN_POLYGON_DEPTH)
+        points[i, 0], points[i, 1], points[i, 2] = (x - cx) / fx * z, (y - cy) / fy * z, z
+    return corners, points
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _face_at(m, x, y):  # type: ignore[no-untyped-def]
+    """(Face id 1..5 of pixel (x, y), inverse depth there); 0 where no face is hit."""
+    best, face = 0.0, 0
+    for k in range(5):
+        value = m[k, 0] * x + m[k, 1] * y + m[k, 2]
+        if value > best:
+            best, face = value, k + 1
+    return face, best
+
+
+@njit(cache=True, nogil=True)
+def _run_end(m, x, y, face, width):  # type: ignore[no-untyped-def]
+    """First x after which `face`, that of pixel (x, y), is not seen in the row again: each face is one run of it."""
+    mine, slope = (0.0, 0.0) if face == 0 else (m[face - 1, 1] * y + m[face - 1, 2], m[face - 1, 0])
+    end = float(width)
+    for k in range(-1, 5):
+        rise, other = (-slope, 0.0) if k < 0 else (m[k, 0] - slope, m[k, 1] * y + m[k, 2])
+        if rise > 0.0:
+            end = min(end, (mine - other) / rise)
+    at = min(max(int(end), x + 1), width)
+    while at > x + 1 and _face_at(m, at - 1, y)[0] != face:
+        at -= 1
+    while at < width and _face_at(m, at, y)[0] == face:
+        at += 1
+    return at
+
+
+@njit(cache=True, nogil=True)
+def _raster(m, height, width):  # type: ignore[no-untyped-def]
+    """Face id of each pixel, and pixels per id."""
+    faces, pixels = np.empty((height, width), np.uint8), np.zeros(6, np.int64)
+    for y in range(height):
+        x = 0
+        while x < width:
+            face = _face_at(m, x, y)[0]
+            end = _run_end(m, x, y, face, width)
+            faces[y, x:end] = face
+            pixels[face] += end - x
+            x = end
+    return faces, pixels
+
+
+@njit(cache=True, nogil=True)
+def _depth(m, height, width):  # type: ignore[no-untyped-def]
     depth = np.empty((height, width), np.float32)
     for y in range(height):
         for x in range(width):
-            best, face = 0.0, 0
-            for k in range(5):
-                value = m[k, 0] * x + m[k, 1] * y + m[k, 2]
-                if value > best:
-                    best, face = value, k + 1
-            faces[y, x] = face
+            best = _face_at(m, x, y)[1]
             depth[y, x] = 1.0 / best if best > 0.0 else np.inf
-    return faces, depth
+    return depth

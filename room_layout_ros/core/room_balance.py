@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
 from .room_cells import RoomCells
-from .room_cost import face_of_ray, plane_rows
+from .room_cost import face_of_point, plane_rows
 
 _ON_PLANE_SIGMAS = 3.0
 
@@ -30,7 +30,7 @@ def balance_faces(
 def _balance(rays, inverse_depth, probability, m, distances):  # type: ignore[no-untyped-def]
     counts = np.zeros((5, 3))
     for i in range(len(rays)):
-        face, best = face_of_ray(m, rays[i])
+        face, best = face_of_point(m, rays[i, 0], rays[i, 1], rays[i, 2])
         if face < 0:
             continue
         counts[face, 2] += 1.0

@@ -14,6 +14,9 @@ from .depth import CELL_PX, DepthGeometry
 from .frame import CameraIntrinsics
 from .labels import N_FACES
 
+_MIN_MEASURED = 0.3
+"""Share of a cell's pixels."""
+
 INTERLEAVED_PARTS = 7
 """The cells lie in so many interleaved parts, each spread over the whole image."""
 
@@ -48,14 +51,10 @@ def room_cells(
     probability : (K, 6) of the six labels. superpixels : (H, W) int32 index.
     behind : (rows, columns, 5) of the scene network's layout over the image, in any resolution, or None.
     """
-    moments = geometry.moments
+    camera, moments = geometry.camera, geometry.moments
     rows, cols, _ = moments.shape
-    count = moments[..., 0]
-    w = np.where(count >= 0.3 * CELL_PX**2, moments[..., 3] / np.maximum(count, 1.0), 0.0)
-    # Where pixels are missing, the mean inverse depth is that of the measured pixels' mean ray.
-    mean_ray = moments[..., [1, 2, 0]] / np.maximum(count, 1.0)[..., None]
-    rays = np.where((w > 0)[..., None], mean_ray, _centre_rays(geometry.camera, rows, cols))
-    return _interleave(rays, w, _cell_means(superpixels, probability, rows, cols, CELL_PX), behind)
+    rays, w = _rays(moments, camera.fx, camera.fy, camera.cx, camera.cy)
+    return _interleave(rays, w, _cell_means(superpixels, probability, rows, cols, CELL_PX), behind, (rows, cols))
 
 
 def image_cells(
@@ -66,15 +65,29 @@ def image_cells(
 ) -> RoomCells:
     """Cells of an image without depth; parameters as for `room_cells`."""
     rows, cols = camera.height // CELL_PX, camera.width // CELL_PX
-    means = _cell_means(superpixels, probability, rows, cols, CELL_PX)
-    return _interleave(_centre_rays(camera, rows, cols), np.zeros((rows, cols)), means, behind)
+    rays, w = _rays(np.zeros((rows, cols, 10)), camera.fx, camera.fy, camera.cx, camera.cy)
+    return _interleave(rays, w, _cell_means(superpixels, probability, rows, cols, CELL_PX), behind, (rows, cols))
 
 
-def _centre_rays(camera: CameraIntrinsics, rows: int, cols: int) -> NDArray[np.float64]:
-    """(rows, cols, 3) rays of the cells' centres, z = 1."""
-    x = (np.arange(cols) * CELL_PX + (CELL_PX - 1) / 2 - camera.cx) / camera.fx
-    y = (np.arange(rows) * CELL_PX + (CELL_PX - 1) / 2 - camera.cy) / camera.fy
-    return np.stack(np.broadcast_arrays(x[None, :], y[:, None], 1.0), -1)
+@njit(cache=True, nogil=True)
+def _rays(moments, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
+    """(n, 3) rays of the cells and (n,) inverse depth, row by row.
+
+    Where pixels are missing, the mean inverse depth is that of the measured pixels' mean ray; where too many are, 0 and
+    that of the cell's centre.
+    """
+    rows, cols, _ = moments.shape
+    rays, w = np.ones((rows * cols, 3)), np.zeros(rows * cols)
+    middle = (CELL_PX - 1) / 2
+    for row in range(rows):
+        for col in range(cols):
+            cell, at = moments[row, col], row * cols + col
+            count = cell[0]
+            if count >= _MIN_MEASURED * CELL_PX**2 and cell[3] > 0.0:
+                w[at], rays[at, 0], rays[at, 1] = cell[3] / count, cell[1] / count, cell[2] / count
+            else:
+                rays[at, 0], rays[at, 1] = (col * CELL_PX + middle - cx) / fx, (row * CELL_PX + middle - cy) / fy
+    return rays, w
 
 
 def _interleave(
@@ -82,15 +95,18 @@ def _interleave(
     inverse_depth: NDArray[np.float64],
     probability: NDArray[np.float64],
     behind: NDArray[np.float64] | None,
+    shape: tuple[int, int],
 ) -> RoomCells:
     order = _interleaved(inverse_depth.size)
     if behind is None:
         faces = np.zeros((inverse_depth.size, N_FACES))
     else:
-        rows, cols = inverse_depth.shape
-        resized = cv2.resize(behind, (cols, rows), interpolation=cv2.INTER_LINEAR)
+        rows, cols = shape
+        resized = (
+            behind if behind.shape[:2] == shape else cv2.resize(behind, (cols, rows), interpolation=cv2.INTER_LINEAR)
+        )
         faces = np.asarray(resized, np.float64).reshape(-1, N_FACES)
-    return RoomCells(rays.reshape(-1, 3)[order], inverse_depth.ravel()[order], probability[order], faces[order])
+    return RoomCells(*_take(order, rays, inverse_depth, probability, faces))
 
 
 @cache
@@ -99,16 +115,28 @@ def _interleaved(count: int) -> NDArray[np.intp]:
 
 
 @njit(cache=True, nogil=True)
+def _take(order, rays, inverse_depth, probability, faces):  # type: ignore[no-untyped-def]
+    """The rows of each array in that order."""
+    return rays[order], inverse_depth[order], probability[order], faces[order]
+
+
+@njit(cache=True, nogil=True)
 def _cell_means(index, values, rows, cols, size):  # type: ignore[no-untyped-def]
     """Mean over each cell's pixels (every second one) of the values of the superpixels they are in."""
     means = np.zeros((rows * cols, values.shape[1]))
     share = 1.0 / ((size + 1) // 2) ** 2
+    here, met = np.zeros(len(values), np.int64), np.empty(len(values) + 1, np.int64)  # pixels of each, who has any
     for row in range(rows):
         for col in range(cols):
-            cell = means[row * cols + col]
+            cell, kinds = means[row * cols + col], 0
             for y in range(row * size, (row + 1) * size, 2):
                 for x in range(col * size, (col + 1) * size, 2):
-                    value = values[index[y, x]]
-                    for k in range(values.shape[1]):
-                        cell[k] += share * value[k]
+                    one = np.uint32(index[y, x])
+                    met[kinds] = one
+                    kinds += here[one] == 0
+                    here[one] += 1
+            for one in met[:kinds]:  # few superpixels meet in a cell: their values are added once each
+                for k in range(values.shape[1]):
+                    cell[k] += share * here[one] * values[one, k]
+                here[one] = 0
     return means

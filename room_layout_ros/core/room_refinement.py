@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
-from .room_cells import INTERLEAVED_PARTS, RoomCells
-from .room_cost import COSTS, MIN_DISTANCE_M, FittedRoom, face_of_ray, mean_cost, plane_rows, rate_room
+from .room_cells import INTERLEAVED_PARTS
+from .room_cost import MIN_DISTANCE_M, CellCosts, FittedRoom, face_of_point, mean_cost, plane_rows, rate_room
 
 _REFINED_PARTS = 3
 """The pattern search looks at so many of the interleaved parts of the cells; least squares at all."""
@@ -22,27 +21,25 @@ _HALVINGS = 4
 _ROUNDS = 4
 _POLISH_ROUNDS = 6
 _POLISH_SIGMAS = 4.0
+_LEAST_STRUCTURE = 0.5
 
 
-def refine_room(
-    cells: RoomCells, room: FittedRoom, costs: NDArray[np.float64] = COSTS, turn: bool = True
-) -> FittedRoom:
+def refine_room(cells: CellCosts, room: FittedRoom, turn: bool = True) -> FittedRoom:
     """Pattern search over rotations and finite distances, halving the steps, then least squares on the inliers.
 
     `turn` False holds the rotation in the pattern search: without depth, lines know the axes better than regions do.
     """
-    seen = cells.rays, cells.inverse_depth, cells.probability
-    R, distances, _ = _refine(*seen, cells.behind, room.R_room_camera, room.distances, costs, turn)
-    R, distances = _polish(*seen, R, distances)
+    R, distances, _ = _refine(cells.terms, len(cells.cells.rays), room.R_room_camera, room.distances, cells.costs, turn)
+    R, distances = _polish(cells.cells.rays, cells.cells.inverse_depth, cells.cells.probability, R, distances)
     u, _, vt = np.linalg.svd(R)
-    return rate_room(cells, FittedRoom(np.asarray(u @ vt), distances, np.inf), costs)
+    return rate_room(cells, FittedRoom(np.asarray(u @ vt), distances, np.inf))
 
 
 @njit(cache=True, nogil=True)
-def _refine(rays, inverse_depth, probability, behind, R, distances, costs, turning):  # type: ignore[no-untyped-def]
+def _refine(terms, cells, R, distances, costs, turning):  # type: ignore[no-untyped-def]
     distances = distances.copy()
-    count = len(rays) * _REFINED_PARTS // INTERLEAVED_PARTS
-    best = mean_cost(rays, inverse_depth, probability, behind, R, distances, costs, count, np.inf)
+    count = cells * _REFINED_PARTS // INTERLEAVED_PARTS
+    best = mean_cost(terms, R, distances, costs, count, np.inf)
     turn, shift = _FIRST_TURN_RAD, _FIRST_SHIFT_M
     for _ in range(_HALVINGS):
         for _ in range(_ROUNDS):
@@ -57,7 +54,7 @@ def _refine(rays, inverse_depth, probability, behind, R, distances, costs, turni
                     else:
                         trial = distances.copy()
                         trial[k - 3] = max(trial[k - 3] + sign * shift, MIN_DISTANCE_M)
-                    cost = mean_cost(rays, inverse_depth, probability, behind, trial_R, trial, costs, count, best)
+                    cost = mean_cost(terms, trial_R, trial, costs, count, best)
                     if cost < best - 1e-7:
                         best, improved = cost, True
                         R, distances = trial_R, trial
@@ -75,9 +72,10 @@ def _polish(rays, inverse_depth, probability, R, distances):  # type: ignore[no-
     A weak prior holds the rotation, and the offset of a face that hardly any cell lies on, where they are.
     """
     distances = distances.copy()
+    cells = _measured_structure(rays, inverse_depth, probability)
     scale = 1.0  # of the residuals, in units of the depth noise; a clean sensor earns a sharper fit
     for _ in range(_POLISH_ROUNDS):
-        A, g, spread, total = _normal_equations(rays, inverse_depth, probability, R, distances, scale)
+        A, g, spread, total = _normal_equations(cells, R, distances, scale)
         for a in range(8):
             A[a, a] += 1e3 if a >= 3 else 1e4
         if total > 0.0:
@@ -92,44 +90,68 @@ def _polish(rays, inverse_depth, probability, R, distances):  # type: ignore[no-
 
 
 @njit(cache=True, nogil=True)
-def _normal_equations(rays, inverse_depth, probability, R, distances, scale):  # type: ignore[no-untyped-def]
-    """(A, g) over (turn (3,), offsets (5,)), and sums of weighted residuals in units of the noise, and of weights.
-
-    Residual of a cell on face k: n_k . P - d_k, weighted by its probability and precision (Cauchy).
-    """
-    A = np.zeros((8, 8))
-    g = np.zeros(8)
-    spread = 0.0
-    total = 0.0
-    m = plane_rows(R, distances)
-    row = np.zeros(8)
+def _measured_structure(rays, inverse_depth, probability):  # type: ignore[no-untyped-def]
+    """(n, 7) of cells that may be on a face: point in m, probability of ceiling, floor and wall, 1 / depth noise."""
+    cells, n = np.empty((len(rays), 7)), 0
     for i in range(len(rays)):
         w = inverse_depth[i]
-        if w <= 0.0:
-            continue
-        face, best = face_of_ray(m, rays[i])
+        walls = probability[i, 2] + probability[i, 3] + probability[i, 4]
+        if w > 0.0 and max(max(probability[i, 0], probability[i, 1]), walls) >= _LEAST_STRUCTURE:
+            cells[n, 0], cells[n, 1], cells[n, 2] = rays[i, 0] / w, rays[i, 1] / w, rays[i, 2] / w
+            cells[n, 3], cells[n, 4], cells[n, 5] = probability[i, 0], probability[i, 1], walls
+            cells[n, 6] = 1.0 / depth_sigma(1.0 / w, NOISE_FLOOR_M, NOISE_QUADRATIC)
+            n += 1
+    return cells[:n]
+
+
+@njit(cache=True, nogil=True)
+def _normal_equations(cells, R, distances, scale):  # type: ignore[no-untyped-def]
+    """(A, g) over (turn (3,), offsets (5,)), and sums of weighted residuals in units of the noise, and of weights.
+
+    Residual of a cell on face k: n_k . P - d_k, weighted by its probability and precision (Cauchy). Its row is
+    (n_k x P, -1 at k).
+    """
+    A, g = np.zeros((8, 8)), np.zeros(8)
+    spread, total = 0.0, 0.0
+    m = plane_rows(R, distances)
+    normal = m.copy()
+    for k in range(5):
+        for j in range(3):
+            normal[k, j] = m[k, j] * distances[k] if distances[k] < np.inf else 0.0
+    for i in range(len(cells)):
+        px, py, pz = cells[i, 0], cells[i, 1], cells[i, 2]
+        face, best = face_of_point(m, px, py, pz)
         if face < 0:
             continue
-        mine = probability[i, face] if face < 2 else probability[i, 2] + probability[i, 3] + probability[i, 4]
-        if mine < 0.5:
+        mine = cells[i, 3 + min(face, 2)]
+        residual = distances[face] * (best - 1.0)
+        off = abs(residual) * cells[i, 6]  # in units of the noise
+        relative = off / scale
+        if mine < _LEAST_STRUCTURE or relative > _POLISH_SIGMAS:
             continue
-        sigma = depth_sigma(1.0 / w, NOISE_FLOOR_M, NOISE_QUADRATIC)
-        residual = distances[face] * (best / w - 1.0)
-        relative = abs(residual) / (sigma * scale)
-        if relative > _POLISH_SIGMAS:
-            continue
-        weight = mine / (sigma * sigma * (1.0 + relative * relative))
-        spread += weight * abs(residual) / sigma
+        weight = mine * cells[i, 6] * cells[i, 6] / (1.0 + relative * relative)
+        spread += weight * off
         total += weight
-        nx, ny, nz = m[face] * distances[face]
-        px, py, pz = rays[i, 0] / w, rays[i, 1] / w, 1.0 / w
-        row[:] = 0.0
-        row[0], row[1], row[2] = ny * pz - nz * py, nz * px - nx * pz, nx * py - ny * px  # (n x P) . turn
-        row[3 + face] = -1.0
-        for a in range(8):
-            g[a] -= weight * row[a] * residual
-            for b in range(8):
-                A[a, b] += weight * row[a] * row[b]
+        nx, ny, nz = normal[face, 0], normal[face, 1], normal[face, 2]
+        a, b, c = ny * pz - nz * py, nz * px - nx * pz, nx * py - ny * px
+        wa, wb, wc, at = weight * a, weight * b, weight * c, 3 + face
+        A[0, 0] += wa * a
+        A[0, 1] += wa * b
+        A[0, 2] += wa * c
+        A[1, 1] += wb * b
+        A[1, 2] += wb * c
+        A[2, 2] += wc * c
+        A[0, at] -= wa
+        A[1, at] -= wb
+        A[2, at] -= wc
+        A[at, at] += weight
+        g[0] -= wa * residual
+        g[1] -= wb * residual
+        g[2] -= wc * residual
+        g[at] += weight * residual
+    for a in range(8):
+        for b in range(a):
+            A[a, b] = A[b, a]
     return A, g, spread, total
 
 
