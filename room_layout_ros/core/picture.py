@@ -18,7 +18,8 @@ _SHIFT = 4
 """Sub-pixel bits of OpenCV's line drawing."""
 _LEGEND_SCALE = 3
 _EDGE_DARK, _EDGE_LIGHT = (20, 20, 20), (255, 255, 255)
-_TEXT = (235, 235, 235)
+_TEXT, _CARD = (235, 235, 235), 28
+_HATCH, _RIM = 7, 8
 
 
 def draw_overlay(frame: RgbdFrame, estimate: RoomEstimate) -> NDArray[np.uint8]:
@@ -37,7 +38,7 @@ def draw_overlay(frame: RgbdFrame, estimate: RoomEstimate) -> NDArray[np.uint8]:
     """
     ground = frame.color if frame.color is not None else _depth_picture(frame.depth_m)
     picture = np.empty_like(ground)
-    _blend(np.ascontiguousarray(ground), np.ascontiguousarray(estimate.labels), LABEL_COLORS, picture)
+    _blend(np.ascontiguousarray(ground), np.ascontiguousarray(estimate.labels), _mixtures(), picture)
     scale = max(1, round(min(picture.shape[:2]) / 480))
     for dark in (True, False):  # all dark rims first, so that no face's rim covers another's line
         for polygon in estimate.polygons:
@@ -77,40 +78,57 @@ def _draw_legend(picture: NDArray[np.uint8], estimate: RoomEstimate, scale: int)
     spot[:] = (spot * (1.0 - alpha) + card[:h, :w] * alpha).astype(np.uint8)
 
 
-@lru_cache(maxsize=64)
 def _legend(title: str, rows: tuple[tuple[int, str], ...], scale: int) -> tuple[NDArray[np.float32], float]:
-    """Return the card as (h, w, 3) and its opacity; drawn large and shrunk, for smooth letters."""
-    big, line = _LEGEND_SCALE * scale, 15 * _LEGEND_SCALE * scale
-    font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.38 * big
-    texts = [title, *(text for _, text in rows)]
-    thick = max(1, round(1.1 * big))
-    width = max(cv2.getTextSize(t, font, size, thick)[0][0] for t in texts) + 26 * big
-    card = np.full((line * len(texts) + 6 * big, -(-width // big) * big, 3), 28, np.uint8)
-    cv2.putText(card, title, (6 * big, line - 2 * big), font, size, _TEXT, thick, cv2.LINE_AA)
-    for i, (label, text) in enumerate(rows, start=1):
-        top = i * line + 4 * big
+    """Return the card as (h, w, 3) and its opacity."""
+    lines = [_line(title, None, scale), *(_line(text, label, scale) for label, text in rows)]
+    height, width = lines[0].shape[0], max(line.shape[1] for line in lines)
+    card = np.full((height * len(lines) + 2 * scale, width, 3), _CARD, np.float32)
+    for i, line in enumerate(lines):
+        card[i * height : (i + 1) * height, : line.shape[1]] = line
+    return card, 0.8
+
+
+@lru_cache(maxsize=512)
+def _line(text: str, label: int | None, scale: int) -> NDArray[np.float32]:
+    """(h, w, 3) a line of the card, with a square in the label's colour; drawn large and shrunk, for smooth letters."""
+    big = _LEGEND_SCALE * scale
+    font, size, thick = cv2.FONT_HERSHEY_SIMPLEX, 0.38 * big, max(1, round(1.1 * big))
+    left, bottom = (6 * big, 13 * big) if label is None else (20 * big, 12 * big + big // 2)
+    width = left + cv2.getTextSize(text, font, size, thick)[0][0] + 6 * big
+    line = np.full((15 * big, -(-width // big) * big, 3), _CARD, np.uint8)
+    if label is not None:
         color = tuple(int(c) for c in LABEL_COLORS[label])
-        cv2.rectangle(card, (6 * big, top), (15 * big, top + 9 * big), color, -1)
-        cv2.putText(card, text, (20 * big, top + 9 * big - big // 2), font, size, _TEXT, thick, cv2.LINE_AA)
-    small = cv2.resize(card, (card.shape[1] // big * scale, card.shape[0] // big * scale), interpolation=cv2.INTER_AREA)
-    return small.astype(np.float32), 0.8
+        cv2.rectangle(line, (6 * big, 4 * big), (15 * big, 13 * big), color, -1)
+    cv2.putText(line, text, (left, bottom), font, size, _TEXT, thick, cv2.LINE_AA)
+    small = cv2.resize(line, (line.shape[1] // big * scale, 15 * scale), interpolation=cv2.INTER_AREA)
+    return small.astype(np.float32)
+
+
+@lru_cache(maxsize=1)
+def _mixtures() -> NDArray[np.uint8]:
+    """(16, 3, 256) uint8 new value of each old one, by label, `_HATCH` and `_RIM`.
+
+    Faces 45 % colour; clutter 30 % grey with a diagonal hatch; a dark pixel where clutter ends.
+    """
+    weights = np.array([0, 115, 115, 115, 115, 115, 64, 140])[:, None, None]  # of 256
+    colors = LABEL_COLORS[[*range(CLUTTER + 1), CLUTTER]].astype(np.int64)[:, :, None]
+    mixed = (np.arange(256) * (256 - weights) + colors * weights) >> 8
+    return np.concatenate([mixed, mixed // 3]).astype(np.uint8)
 
 
 @njit(cache=True, nogil=True)
-def _blend(ground, labels, colors, picture):  # type: ignore[no-untyped-def]
-    """Faces 45 % colour; clutter 30 % grey with a diagonal hatch; a dark pixel where clutter ends."""
+def _blend(ground, labels, mixtures, picture):  # type: ignore[no-untyped-def]
     height, width = labels.shape
     for y in range(height):
+        below = min(y + 1, height - 1)
         for x in range(width):
             label = labels[y, x]
-            a = 115  # of 256
-            if label == 0:
-                a = 0
-            elif label == 6:
-                a = 140 if (x + y) % 8 < 2 else 64
-            rim = (x + 1 < width and (labels[y, x + 1] == 6) != (label == 6)) or (
-                y + 1 < height and (labels[y + 1, x] == 6) != (label == 6)
-            )
+            clutter = label == CLUTTER
+            right = labels[y, min(x + 1, width - 1)] == CLUTTER
+            kind = label
+            if clutter and (x + y) % 8 < 2:
+                kind = _HATCH
+            if right != clutter or (labels[below, x] == CLUTTER) != clutter:
+                kind += _RIM
             for c in range(3):
-                value = (ground[y, x, c] * (256 - a) + colors[label, c] * a) >> 8
-                picture[y, x, c] = value // 3 if rim else value
+                picture[y, x, c] = mixtures[kind, c, ground[y, x, c]]
