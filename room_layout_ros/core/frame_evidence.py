@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .evidence.depth_cues import compute_depth_cues
-from .evidence.features import SuperpixelFeatures, compute_superpixel_features
+from .evidence.features import SuperpixelFeatures
 from .evidence.geometric_context import ContextModel, compute_geometric_context
 from .evidence.orientation_map import compute_orientation_map
 from .frame import CameraIntrinsics
@@ -22,39 +22,30 @@ _LEAST_FACING = np.cos(np.deg2rad(60.0))
 """A wall turned away from the camera by more is not tried as the front one where another is."""
 
 
-def describe_superpixels(
-    superpixels: Superpixels,
-    color: NDArray[np.uint8] | None,
-    inverse_depth: NDArray[np.float32] | None,
-    axes: ManhattanFrame,
-    camera: CameraIntrinsics,
-    segments: LineSegments | None,
-    variant: str = "full",
-) -> tuple[SuperpixelFeatures, NDArray[np.uint8] | None]:
-    """Features of the superpixels under the first naming of the axes, and the orientation map they use.
+def map_orientation(
+    segments: LineSegments | None, axes: ManhattanFrame, camera: CameraIntrinsics, variant: str = "full"
+) -> tuple[NDArray[np.int8] | None, NDArray[np.uint8] | None]:
+    """Axis of each segment, and the orientation map, under the first naming of the axes.
 
     Parameters
     ----------
+    segments : LineSegments or None
+        None without colour.
     variant : str
         Of the model (`weights.VARIANTS`).
 
     Returns
     -------
-    features : SuperpixelFeatures
-        Those of the orientation map are unknown (NaN) where there is none.
+    line_class : (n,) int8 or None
     orientation : (H, W) uint8 or None
-        Orientation map; None without colour, or in a variant without it.
+        None also in a variant without the map.
     """
+    if segments is None:
+        return None, None
     R = axes.R_room_camera
-    line_class = orientation = None
-    if segments is not None:
-        line_class = classify_segments(segments, R, camera)
-        if uses(variant, "layout_om"):
-            orientation = compute_orientation_map(segments, line_class, R, camera)
-    features = compute_superpixel_features(
-        superpixels, color, inverse_depth, R, camera, segments, line_class, orientation
-    )
-    return features, orientation
+    line_class = classify_segments(segments, R, camera)
+    seen = uses(variant, "layout_om")
+    return line_class, compute_orientation_map(segments, line_class, R, camera) if seen else None
 
 
 def classify_superpixels(

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from .config import EstimatorConfig
 from .depth import DepthGeometry, compute_depth_geometry
 from .estimate import Status
-from .evidence.features import SuperpixelFeatures, add_scene
+from .evidence.features import SuperpixelFeatures, add_scene, compute_superpixel_features
+from .evidence.room_extents import compute_room_extents
 from .frame import RgbdFrame
-from .frame_evidence import describe_superpixels
+from .frame_evidence import map_orientation
 from .lines import LineSegments, compute_line_segments
 from .manhattan import ManhattanFrame, find_axes
 from .scene_network import SceneScores, SuperpixelScene, pool_scene
@@ -36,7 +37,8 @@ class Observation:
 
     Attributes
     ----------
-    geometry : of the depth. segments : lines of the picture. axes : of the room. superpixels : of both.
+    geometry : of the depth. segments, line_class : lines of the picture, and their axes (n,) int8.
+    axes : of the room. superpixels : of colour and depth.
     features : of the superpixels under `axes`, with those of the scene network.
     orientation : (H, W) uint8 orientation map under `axes`.
     scores : of the scene network by cell. scene : by superpixel.
@@ -44,6 +46,7 @@ class Observation:
 
     geometry: DepthGeometry | None
     segments: LineSegments | None
+    line_class: NDArray[np.int8] | None
     axes: ManhattanFrame
     superpixels: Superpixels
     features: SuperpixelFeatures
@@ -86,18 +89,24 @@ def observe(
     if geometry is None and color is None:
         return Status.NO_DEPTH
     inverse_depth = None if geometry is None else geometry.inverse_depth
-    with run.beside("scene", look, frame) as scores_found:
-        with run.beside("superpixels", compute_superpixels, color, inverse_depth, config) as superpixels_found:
-            segments = None if color is None else run("lines", compute_line_segments, color, config)
-            if axes is None:
-                axes = run("axes", find_axes, geometry, segments, frame.camera, config, prior or TemporalPrior())
+    with (
+        run.beside("scene", look, frame) as scores_found,
+        run.beside("superpixels", compute_superpixels, color, inverse_depth, config) as superpixels_found,
+    ):
+        segments = None if color is None else run("lines", compute_line_segments, color, config)
+        if axes is None:
+            axes = run("axes", find_axes, geometry, segments, frame.camera, config, prior or TemporalPrior())
         if axes is None:
             return Status.NO_ROOM
+        R, camera = axes.R_room_camera, frame.camera
+        line_class, orientation = run("orientation", map_orientation, segments, axes, camera, config.joint_variant)
+        extents = None if inverse_depth is None else run("extents", compute_room_extents, inverse_depth, R, camera)
         superpixels = superpixels_found()
-        features, orientation = run(
-            "features", describe_superpixels, superpixels, color, inverse_depth, axes, frame.camera, segments,
-            config.joint_variant,
+        features = run(
+            "features", compute_superpixel_features, superpixels, color, inverse_depth, R, camera, segments,
+            line_class, orientation, extents,
         )  # fmt: skip
     scores = scores_found()
     scene = run("pooling", pool_scene, scores, superpixels.index, superpixels.count)
-    return Observation(geometry, segments, axes, superpixels, add_scene(features, scene), orientation, scores, scene)
+    features = add_scene(features, scene)
+    return Observation(geometry, segments, line_class, axes, superpixels, features, orientation, scores, scene)

@@ -17,7 +17,7 @@ from room_layout_ros.core.evidence.depth_cues import compute_depth_cues
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.frame_evidence import classify_superpixels
 from room_layout_ros.core.joint_problem import FrameEvidence, build_joint_problem
-from room_layout_ros.core.lines import LineSegments, classify_segments
+from room_layout_ros.core.lines import LineSegments
 from room_layout_ros.core.observation import observe
 from room_layout_ros.core.scene_network import SceneScores
 from room_layout_ros.core.superpixels import Superpixels
@@ -66,7 +66,6 @@ def look_at(frame: RgbdFrame, estimator: LayoutEstimator) -> Look:
     geometry, segments, superpixels, R = seen.geometry, seen.segments, seen.superpixels, seen.axes.R_room_camera
     forest = estimator.models[geometry is not None, seen.scene is not None].context
     context = classify_superpixels(seen.features, forest, config.joint_variant)
-    line_class = None if segments is None else classify_segments(segments, R, camera)
     cues = None if geometry is None else compute_depth_cues(superpixels, R, camera)
     profiles = None
     if geometry is not None and estimate.cuboid is not None:
@@ -74,7 +73,17 @@ def look_at(frame: RgbdFrame, estimator: LayoutEstimator) -> Look:
         evidence = FrameEvidence(estimate.R_room_camera, context=named)
         profiles = build_joint_problem(camera, superpixels, evidence, geometry, config).profiles
     return Look(
-        frame, estimate, segments, line_class, seen.orientation, superpixels, context, cues, R, profiles, seen.scores
+        frame,
+        estimate,
+        segments,
+        seen.line_class,
+        seen.orientation,
+        superpixels,
+        context,
+        cues,
+        R,
+        profiles,
+        seen.scores,
     )
 
 

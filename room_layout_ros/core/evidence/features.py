@@ -49,6 +49,7 @@ def compute_superpixel_features(
     segments: LineSegments | None = None,
     line_class: NDArray[np.int8] | None = None,
     orientation: NDArray[np.uint8] | None = None,
+    extents: RoomExtents | None = None,
 ) -> SuperpixelFeatures:
     """Compute all features that the inputs allow.
 
@@ -63,6 +64,8 @@ def compute_superpixel_features(
     segments, line_class : LineSegments, (n,) int8, optional
     orientation : (H, W) uint8, optional
         `compute_orientation_map`.
+    extents : RoomExtents, optional
+        Of the depth, where they are known already.
 
     Returns
     -------
@@ -76,7 +79,7 @@ def compute_superpixel_features(
     columns |= _appearance(superpixels, sums)
     columns |= _lines(superpixels, sums, segments, line_class)
     if inverse_depth is not None:
-        extents = compute_room_extents(inverse_depth, R_room_camera, camera)
+        extents = extents or compute_room_extents(inverse_depth, R_room_camera, camera)
         columns |= _depth(superpixels, sums, bounds, extents, R_room_camera, camera)
     columns |= average_around(columns, superpixels)
     columns |= look_around(columns, camera.height / camera.width)
