@@ -44,7 +44,7 @@ from room_layout_ros.datasets import FramesFolder, FrameTruth, Sample, good_samp
 from room_layout_ros.evaluation.baselines import percentile_walls
 from room_layout_ros.evaluation.measures import score_pixels
 from room_layout_ros.learning.fit_frame import read_fits
-from room_layout_ros.learning.train import MARGIN
+from room_layout_ros.learning.folds import MARGIN
 
 Image = NDArray[np.uint8]
 

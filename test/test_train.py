@@ -15,12 +15,13 @@ from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.weights import N_FEATURES, SLICES, ModelWeights, start_weights
 from room_layout_ros.datasets import Sample
 from room_layout_ros.datasets.synthetic import NOISES, random_pose, random_scene, render
+from room_layout_ros.learning.folds import folds_of
 from room_layout_ros.learning.joint_examples import FrameDescription, JointExample, build_example, describe
 from room_layout_ros.learning.joint_oracle import JointOracle, active_features, judge
 from room_layout_ros.learning.losses import joint_loss, label_overlap, mean_iou
 from room_layout_ros.learning.oracle import LocalSeparator
 from room_layout_ros.learning.structured_svm import SvmConfig
-from room_layout_ros.learning.train import TrainConfig, folds_of, joint_oracle, learn_weights
+from room_layout_ros.learning.train import TrainConfig, joint_oracle, learn_weights
 from room_layout_ros.learning.train_run import choose_names
 
 CAMERA = CameraIntrinsics(320, 240, 262.5, 262.5, 159.5, 119.5)

@@ -27,12 +27,12 @@ from room_layout_ros.core.models import SCENE_FILE
 from room_layout_ros.core.scene_network import SceneNetwork, load_network, save_network
 from room_layout_ros.datasets import DataError, FramesFolder, good_samples, open_source
 from room_layout_ros.learning.fit_frame import read_fits
+from room_layout_ros.learning.folds import MARGIN
 from room_layout_ros.learning.origin import origin
 from room_layout_ros.learning.scene_errors import scene_errors
 from room_layout_ros.learning.scene_examples import SceneExamples, collect_examples, join_examples
 from room_layout_ros.learning.scene_folds import SceneFold, number_folds, write_folds
 from room_layout_ros.learning.synthetic_frames import random_frames
-from room_layout_ros.learning.train import MARGIN
 from room_layout_ros.learning.train_run import choose_names
 
 if TYPE_CHECKING:

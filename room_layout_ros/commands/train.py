@@ -33,6 +33,7 @@ from room_layout_ros.learning import train
 from room_layout_ros.learning.context import RGB_SETTINGS, ContextSettings, train_context, train_furniture
 from room_layout_ros.learning.example_store import ExampleRef, ExampleStore
 from room_layout_ros.learning.fit_frame import read_fits
+from room_layout_ros.learning.folds import folds_of, frame_numbers
 from room_layout_ros.learning.origin import origin
 from room_layout_ros.learning.scene_folds import read_folds
 from room_layout_ros.learning.structured_svm import SvmConfig, SvmProgress, SvmResult
@@ -155,7 +156,7 @@ class _Run:
     def classify(self, rooms: dict[str, RoomCuboid], held_out: tuple[str, ...], facts: dict[str, Any]) -> list[Path]:
         """Grow the forests that ship: of all frames, degraded ones and rendered rooms."""
         paths = [self.path("context"), self.path("furniture")]
-        numbers = tuple(train.frame_numbers(held_out))
+        numbers = tuple(frame_numbers(held_out))
         about = {key: facts[key] for key in ("data", "command", "date")}
         settings, networks = self.config.context, self.place.networks
         _, table = train_context(
@@ -203,7 +204,7 @@ class _Run:
 
     def halves(self, examples: list[ExampleRef], folds: int) -> list[tuple[list[ExampleRef], list[ExampleRef]]]:
         """Return (to learn from, to validate on) for each fold."""
-        positions = train.folds_of([e.name for e in examples], folds)
+        positions = folds_of([e.name for e in examples], folds)
         return [([examples[i] for i in learned], [examples[i] for i in held]) for learned, held in positions]
 
     def cross_validate(self, examples: list[ExampleRef]) -> list[dict[str, float]]:

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-import numpy as np
-
 from ..core.frame import RgbdFrame
 from ..core.models import SCENE_FILE
 from ..core.scene_network import SceneNetwork, SceneScores, compute_scene_scores, load_network
 from ..datasets import DataError
+from .folds import number_blocks
 
 FOLDS_FILE = "scene_folds.json"
 
@@ -56,12 +55,10 @@ def number_folds(numbers: Sequence[int], count: int) -> list[SceneFold]:
     Raises
     ------
     ValueError
-        When there are fewer frames than folds or less than two folds.
+        As `number_blocks`.
     """
-    if not 2 <= count <= len(numbers):
-        raise ValueError(f"folds is {count}; 2 to the number of frames ({len(numbers)}) are possible")
-    blocks = np.array_split(np.unique(numbers), count)
-    return [SceneFold(f"scene_fold{k}.npz", int(b[0]), int(b[-1])) for k, b in enumerate(blocks)]
+    blocks = number_blocks(numbers, count)
+    return [SceneFold(f"scene_fold{k}.npz", first, last) for k, (first, last) in enumerate(blocks)]
 
 
 def write_folds(folder: Path, folds: Sequence[SceneFold]) -> None:

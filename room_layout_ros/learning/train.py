@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,15 +17,13 @@ from ..core.labels import N_LABELS, STRUCTURE_NYU40
 from ..core.weights import VARIANTS, ModelWeights, start_weights
 from .context import ContextSettings, grow
 from .context_table import ContextTable
+from .folds import folds_of, frame_numbers
 from .frank_wolfe import learn_frank_wolfe
 from .joint_examples import FrameDescription
 from .joint_oracle import JointOracle, Judged, active_features
 from .losses import JointLoss, mean_iou
 from .oracle import Separator
 from .structured_svm import SvmConfig, SvmProgress, SvmResult, learn_one_slack, problem_key
-
-MARGIN = 5
-"""Frames whose numbers differ by this or less may show the same room (docs/data.md)."""
 
 _ORACLE_STARTS, _ORACLE_ALTERNATIONS = 1, 3
 """Of loss-augmented inference, beside the start from the truth: half the time of the estimator's own settings."""
@@ -94,28 +92,6 @@ def context_table(frames: Sequence[FrameRows]) -> ContextTable:
         frame=np.repeat(np.array(frame_numbers([f.name for f in frames]), np.int64), sizes),
         variant=np.zeros(sum(sizes), np.int8),
     )
-
-
-def frame_numbers(names: Sequence[str]) -> list[int]:
-    """Return the numbers of frames by which neighbours are told: the names where they are numbers, else the order."""
-    return [int(name) if name.isdigit() else i for i, name in enumerate(names)]
-
-
-def folds_of(names: Sequence[str], folds: int) -> Iterator[tuple[list[int], list[int]]]:
-    """Yield (train, validate) positions: blocks of frame numbers with `MARGIN` numbers between them.
-
-    Raises
-    ------
-    ValueError
-        When there are fewer frames than folds or less than two folds.
-    """
-    if not 2 <= folds <= len(names):
-        raise ValueError(f"folds is {folds}; 2 to the number of frames ({len(names)}) are possible")
-    numbers = np.array(frame_numbers(names))
-    for block in np.array_split(np.unique(numbers), folds):
-        held = (numbers >= block[0]) & (numbers <= block[-1])
-        near = (numbers >= block[0] - MARGIN) & (numbers <= block[-1] + MARGIN)
-        yield np.flatnonzero(~near).tolist(), np.flatnonzero(held).tolist()
 
 
 def out_of_fold_context(

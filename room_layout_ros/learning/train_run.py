@@ -22,12 +22,13 @@ from ..parallel import Spread
 from .example_store import ExampleRef, ExampleStore
 from .fingerprint import fingerprint
 from .fit_frame import FitJob, fit_item, read_line
+from .folds import MARGIN, frame_numbers
 from .frames_apart import FrameAt, frames_apart
 from .joint_examples import FrameDescription, build_example, describe
 from .joint_oracle import JointOracle, Judged, judge
 from .oracle import Separation, SpreadSeparator, chunks
 from .scene_folds import SceneFolds
-from .train import MARGIN, FrameRows, frame_numbers, joint_oracle, rows_of, summary
+from .train import FrameRows, joint_oracle, rows_of, summary
 
 _CHUNK = 16
 """Examples per item of work."""
