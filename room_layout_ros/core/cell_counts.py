@@ -4,7 +4,7 @@ An *atom* is a region on which every feature is constant: superpixel x orientati
 are counted once, so whatever is asked of the layouts later is one pass over the counts.
 
 The bin of a pixel is the number of states (or angle edges) that it lies beyond. A table over h / (h + v) gives a bin
-that is never too far, usually the right one; the last steps compare products, so that the bin is exact.
+that is never too far, usually the right one or the one before; the last steps compare products, so that it is exact.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from .ray_grid import QUADRANT_HORIZONTAL, QUADRANT_VERTICAL, RayGrid
 
 _FINE = 1024
 _SAFETY = 1e-9
+_NONE = np.uint64(2**64 - 1)
+_ENTRY = np.uint64(2**32 - 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,16 +34,16 @@ class CellCounts:
     pixels : (A,) float64 pixels per atom.
     quadrant_pixels : (A, 4) float64 pixels per atom and quadrant.
     behind_pixels : (A, 4) float64 those of them with dz <= 0, which the front wall can never cover.
-    boxes : (B, 3) int32 entries (atom, cell, pixels) of the box histograms.
-    sectors : (S, 3) int32 entries of the sector histograms.
+    boxes : (B, 3) uint32 entries (atom, cell, pixels) of the box histograms.
+    sectors : (S, 3) uint32 entries of the sector histograms.
     """
 
     grid: RayGrid
     pixels: NDArray[np.float64]
     quadrant_pixels: NDArray[np.float64]
     behind_pixels: NDArray[np.float64]
-    boxes: NDArray[np.int32]
-    sectors: NDArray[np.int32]
+    boxes: NDArray[np.uint32]
+    sectors: NDArray[np.uint32]
 
 
 def count_cells(grid: RayGrid, atoms: NDArray[np.int32], atom_count: int, pixel_step: int = 1) -> CellCounts:
@@ -65,26 +67,32 @@ def count_cells(grid: RayGrid, atoms: NDArray[np.int32], atom_count: int, pixel_
     camera = grid.camera
     if atoms.shape != (camera.height, camera.width) or atoms.dtype != np.int32:
         raise ValueError(f"atoms are {atoms.dtype} {atoms.shape}; int32 {(camera.height, camera.width)} is needed")
-    return count_samples(grid, sample_lattice(atoms, pixel_step), atom_count, pixel_step)
+    if atom_count < 1:
+        raise ValueError(f"atom_count is {atom_count}; it must be 1 or more")
+    return count_samples(grid, sample_lattice(atoms, pixel_step), np.ones(atom_count, bool), pixel_step)
 
 
-def count_samples(grid: RayGrid, samples: NDArray[np.int32], atom_count: int, pixel_step: int) -> CellCounts:
+def count_samples(grid: RayGrid, samples: NDArray[np.int32], held: NDArray[np.bool_], pixel_step: int) -> CellCounts:
     """Count pixels per (atom, cell), given the atoms of the lattice's pixels (`sample_lattice`).
+
+    Parameters
+    ----------
+    held : (n,) bool
+        Atoms that are counted, numbered anew in their order; the others must have no pixels.
 
     Raises
     ------
     ValueError
-        When an atom is beyond `atom_count`.
+        When an atom is beyond n.
     """
-    if atom_count < 1:
-        raise ValueError(f"atom_count is {atom_count}; it must be 1 or more")
-    if int(samples.max()) >= atom_count:
-        raise ValueError(f"an atom has number {int(samples.max())}; below {atom_count} was announced")
-    quadrants, behind, boxes, sectors = _count(
-        samples, atom_count, pixel_step, lattice_shear(pixel_step), grid.ray_matrix,
+    if int(samples.max()) >= len(held):
+        raise ValueError(f"an atom has number {int(samples.max())}; below {len(held)} was announced")
+    number = (np.cumsum(held) - 1).astype(np.int32)
+    pixels, quadrants, behind, boxes, sectors = _count(
+        samples, number, pixel_step, lattice_shear(pixel_step), grid.ray_matrix,
         grid.states, grid.state_counts, grid.slopes, grid.bin_counts,
     )  # fmt: skip
-    return CellCounts(grid, quadrants.sum(axis=1), quadrants, behind, boxes, sectors)
+    return CellCounts(grid, pixels, quadrants, behind, boxes, sectors)
 
 
 def sample_lattice(image: NDArray[np.int32] | NDArray[np.uint8], step: int) -> NDArray[np.int32]:
@@ -112,19 +120,6 @@ def lattice_shear(step: int) -> int:
     return max(range(step), key=nearest)
 
 
-def keep_atoms(counts: CellCounts, keep: NDArray[np.bool_]) -> CellCounts:
-    """Return the counts of some atoms only, numbered anew in their order; the others must have no pixels."""
-    number = (np.cumsum(keep) - 1).astype(np.int32)
-    return CellCounts(
-        counts.grid,
-        counts.pixels[keep],
-        counts.quadrant_pixels[keep],
-        counts.behind_pixels[keep],
-        _renumber(counts.boxes, number),
-        _renumber(counts.sectors, number),
-    )
-
-
 @njit(cache=True, nogil=True)
 def histogram_offsets(counts, bins):  # type: ignore[no-untyped-def]
     """(5,) starts of the quadrants in the flat box histograms (vertical bin, horizontal bin) and sector histograms
@@ -147,14 +142,6 @@ def _sample(image, step, shear):  # type: ignore[no-untyped-def]
         for k in range((width - first + step - 1) // step):
             samples[y, k] = image[y, first + k * step]
     return samples
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _renumber(entries, number):  # type: ignore[no-untyped-def]
-    result = np.empty_like(entries)
-    for e in range(len(entries)):
-        result[e, 0], result[e, 1], result[e, 2] = number[entries[e, 0]], entries[e, 1], entries[e, 2]
-    return result
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -195,50 +182,96 @@ def _place_row(m, y, first, step, rays, at, quadrant):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True, inline="always")
+def _beyond(first, limits, length, unit):  # type: ignore[no-untyped-def]
+    """Number of ascending limits, at least `first`, with length > limit * unit; one more is tried without a branch."""
+    b = np.uint32(first) + np.uint32(length > limits[first] * unit)
+    while length > limits[b] * unit:  # ends at the last, +inf
+        b += np.uint32(1)
+    return b
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _reached(first, limits, length, unit):  # type: ignore[no-untyped-def]
+    """`_beyond` with length >= limit * unit."""
+    b = np.uint32(first) + np.uint32(length >= limits[first] * unit)
+    while length >= limits[b] * unit:
+        b += np.uint32(1)
+    return b
+
+
+@njit(cache=True, nogil=True, inline="always")
 def _add(entries, n, newest, cell, atom):  # type: ignore[no-untyped-def]
-    """Add a pixel to the newest entry of its cell, or open one; return the number of entries."""
-    if newest[cell, 0] == atom:
-        entries[newest[cell, 1], 2] += 1
-        return n
-    entries[n, 0], entries[n, 1], entries[n, 2] = atom, cell, 1
-    newest[cell, 0], newest[cell, 1] = atom, n
-    return n + 1
+    """Add a pixel to the newest entry of its cell if that is the atom's, else open one; return the number of entries.
+
+    `newest` holds atom << 32 | entry. Neither case is a branch: which it is, no processor can guess.
+    """
+    last = newest[cell]
+    same = np.uint64(last >> np.uint64(32) == atom)
+    entry = (last & _ENTRY) * same + n * (np.uint64(1) - same)
+    times = entries[entry, 2] * np.uint32(same) + np.uint32(1)
+    entries[entry, 0], entries[entry, 1], entries[entry, 2] = atom, cell, times
+    newest[cell] = np.uint64(atom) << np.uint64(32) | entry
+    return n + np.uint64(1) - same
+
+
+@njit(cache=True, nogil=True)
+def _angle_limits(slopes, bins):  # type: ignore[no-untyped-def]
+    """(4, m + 1) upper slopes of the angle bins, +inf from the last on."""
+    limits = np.full((4, slopes.shape[1] + 1), np.inf)
+    for q in range(4):
+        limits[q, : bins[q] - 1] = slopes[q, 1 : bins[q]]
+    return limits
+
+
+@njit(cache=True, nogil=True)
+def _count_quadrants(boxes, behind, box_offset):  # type: ignore[no-untyped-def]
+    """(A,) pixels per atom and (A, 4) per quadrant, of the entries and those behind the camera."""
+    quadrants, pixels = behind.copy(), np.zeros(len(behind))
+    for e in range(len(boxes)):
+        q = int(boxes[e, 1] >= box_offset[1]) + int(boxes[e, 1] >= box_offset[2]) + int(boxes[e, 1] >= box_offset[3])
+        quadrants[boxes[e, 0], q] += boxes[e, 2]
+    for a in range(len(pixels)):
+        pixels[a] = quadrants[a, 0] + quadrants[a, 1] + quadrants[a, 2] + quadrants[a, 3]
+    return pixels, quadrants
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _count(samples, atom_count, step, shear, m, states, counts, slopes, bins):  # type: ignore[no-untyped-def]
+def _count(samples, number, step, shear, m, states, counts, slopes, bins):  # type: ignore[no-untyped-def]
     height, n = samples.shape
     box_offset, sector_offset = histogram_offsets(counts, bins)
-    quadrant_pixels, behind_pixels = np.zeros((atom_count, 4)), np.zeros((atom_count, 4))
-    boxes = np.empty((height * n, 3), np.int32)  # untouched pages cost nothing
-    sectors = np.empty((height * n, 3), np.int32)
-    newest_box, newest_sector = np.full((box_offset[4], 2), -1, np.int32), np.full((sector_offset[4], 2), -1, np.int32)
+    behind_pixels = np.zeros((number[-1] + 1, 4))
+    boxes = np.empty((height * n + 1, 3), np.uint32)  # untouched pages cost nothing
+    sectors = np.empty((height * n + 1, 3), np.uint32)
+    newest_box, newest_sector = np.full(box_offset[4], _NONE), np.full(sector_offset[4], _NONE)
     state_table, angle_table = _tables(states, counts, slopes, bins)
+    angle_limits = _angle_limits(slopes, bins)
     rays, at, quadrant = np.empty((3, n)), np.empty((3, n), np.uint16), np.empty(n, np.uint8)
-    n_box, n_sector = 0, 0
+    n_box, n_sector = np.uint64(0), np.uint64(0)
     for y in range(height):
         _place_row(m, y, (-shear * y) % step, step, rays, at, quadrant)
-        for k in range(n):
-            atom = samples[y, k]
-            if atom < 0:
-                continue
-            q = int(quadrant[k])
+        last = 0
+        while last < n:
+            first, q = last, int(quadrant[last])
+            while last < n and quadrant[last] == q:
+                last += 1
             side, level = 2 + (q & 1), q >> 1
-            horizontal, vertical, dz = rays[0, k], rays[1, k], rays[2, k]
-            quadrant_pixels[atom, q] += 1.0
-            j = int(state_table[side, at[0, k]])
-            while horizontal > states[side, j] * dz:  # ends at the last state, +inf
-                j += 1
-            if dz > 0.0:
-                i = int(state_table[level, at[1, k]])
-                while vertical > states[level, i] * dz:
-                    i += 1
-                n_box = _add(boxes, n_box, newest_box, box_offset[q] + i * counts[side] + j, atom)
-            else:
-                behind_pixels[atom, q] += 1.0
-            if j > 0:
-                t = int(angle_table[q, at[2, k]])
-                while t < bins[q] - 1 and horizontal >= slopes[q, t + 1] * vertical:
-                    t += 1
-                n_sector = _add(sectors, n_sector, newest_sector, sector_offset[q] + j * bins[q] + t, atom)
-    return quadrant_pixels, behind_pixels, boxes[:n_box].copy(), sectors[:n_sector].copy()
+            horizontal, vertical, dz = rays[0, first:last], rays[1, first:last], rays[2, first:last]
+            at_side, at_level, at_angle = at[0, first:last], at[1, first:last], at[2, first:last]
+            columns, angles = np.uint32(counts[side]), np.uint32(bins[q])
+            box, sector = np.uint32(box_offset[q]), np.uint32(sector_offset[q])
+            for k in range(last - first):
+                sample = samples[y, first + k]
+                if sample < 0:
+                    continue
+                atom = np.uint32(number[sample])
+                j = _beyond(state_table[side, at_side[k]], states[side], horizontal[k], dz[k])
+                if dz[k] > 0.0:
+                    i = _beyond(state_table[level, at_level[k]], states[level], vertical[k], dz[k])
+                    n_box = _add(boxes, n_box, newest_box, np.uint32(box + i * columns + j), atom)
+                else:
+                    behind_pixels[atom, q] += 1.0
+                if j > 0:
+                    t = _reached(angle_table[q, at_angle[k]], angle_limits[q], horizontal[k], vertical[k])
+                    n_sector = _add(sectors, n_sector, newest_sector, np.uint32(sector + j * angles + t), atom)
+    pixels, quadrants = _count_quadrants(boxes[:n_box], behind_pixels, box_offset)
+    return pixels, quadrants, behind_pixels, boxes[:n_box], sectors[:n_sector]

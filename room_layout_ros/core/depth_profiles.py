@@ -26,6 +26,7 @@ OFFSETS: NDArray[np.float64] = np.exp(_LOG_OFFSETS)
 _FIRST_STEP_M = 0.004
 _FIRST = np.searchsorted(OFFSETS, np.arange(0.0, FARTHEST_M + 1.0, _FIRST_STEP_M)).astype(np.uint16)
 """First offset that is not below 0, 4, 8... mm: where the search for one begins."""
+_SPREAD = (0.3, 0.6, 1.0)
 _TOLERANCE_M = 0.03
 """Unevenness of real walls, on top of the sensor's noise."""
 
@@ -81,21 +82,26 @@ def compute_depth_profiles(
     return DepthProfiles(OFFSETS, support, violation, scales)
 
 
-def _scales(
-    offsets: NDArray[np.float64], balance: NDArray[np.float64], support: NDArray[np.float64], count: int
-) -> NDArray[np.float64]:
-    inner = support[1:-1]
-    peaks = np.flatnonzero((inner >= support[:-2]) & (inner > support[2:]) & (inner > 1e-3)) + 1
-    peaks = peaks[np.argsort(-balance[peaks], kind="stable")][: count - 3]
-    spread = np.interp((0.3, 0.6, 1.0), (0.0, 1.0), (offsets[0], _extent(offsets, balance, support)))
-    return np.unique(np.concatenate([offsets[peaks], spread[: count - len(peaks)]]))
-
-
-def _extent(offsets: NDArray[np.float64], balance: NDArray[np.float64], support: NDArray[np.float64]) -> float:
-    """Offset beyond which hardly anything lies."""
-    beyond = support - balance
-    clear = np.flatnonzero(beyond <= 0.003)
-    return float(offsets[clear[0]]) if len(clear) else float(offsets[-1])
+@njit(cache=True, nogil=True)
+def _scales(offsets, balance, support, count):  # type: ignore[no-untyped-def]
+    """Ascending distances of the front wall: the strongest peaks of its support, then 0.3, 0.6 and 1 of the way to the
+    offset beyond which hardly anything lies.
+    """
+    peaks, strength = np.empty(len(support), np.int64), np.empty(len(support))
+    n = 0
+    for b in range(1, len(support) - 1):
+        if support[b] >= support[b - 1] and support[b] > support[b + 1] and support[b] > 1e-3:
+            peaks[n], strength[n] = b, -balance[b]
+            n += 1
+    strongest = np.argsort(strength[:n], kind="mergesort")[: count - 3]
+    extent = offsets[-1]
+    for b in range(len(support) - 1, -1, -1):
+        extent = offsets[b] if support[b] - balance[b] <= 0.003 else extent
+    scales = np.empty(len(strongest) + 3)
+    scales[:-3] = offsets[peaks[strongest]]
+    for k in range(3):
+        scales[len(strongest) + k] = offsets[0] + _SPREAD[k] * (extent - offsets[0])
+    return np.unique(scales[:count])
 
 
 def interpolate(profile: NDArray[np.float64], distances: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -156,11 +162,13 @@ def _profiles(points, agreement, structure, sigma, face_axis, face_sign, offsets
                 b += 1
             whole[k, b] += share
             per_width = 1.0 / width
-            while b < n and offsets[b] < offset + width:  # a triangle of support; violation falls off across the cell
+            while b < n and offsets[b] < offset:  # a triangle of support; violation falls off across the cell
                 gap = (offsets[b] - offset) * per_width
-                support[k, b] += weight * (1.0 - abs(gap))
-                if gap < 0.0:
-                    violation[k, b] += share * gap * gap
+                support[k, b] += weight * (1.0 + gap)
+                violation[k, b] += share * gap * gap
+                b += 1
+            while weight > 0.0 and b < n and offsets[b] < offset + width:
+                support[k, b] += weight * (1.0 - (offsets[b] - offset) * per_width)
                 b += 1
     for k in range(5):
         beyond = 0.0

@@ -11,6 +11,7 @@ from .evidence.geometric_context import ContextModel, compute_geometric_context
 from .evidence.orientation_map import compute_orientation_map
 from .frame import CameraIntrinsics
 from .joint_problem import FrameEvidence
+from .labels import N_FACES
 from .lines import LineSegments, classify_segments
 from .manhattan import ManhattanFrame
 from .scene_network import SuperpixelScene
@@ -72,7 +73,7 @@ def gather_hypotheses(
     context : (K, 6) float64 or None
         Geometric context under `axes.R_room_camera`; walls are renamed for the others.
     orientation : (H, W) uint8 or None
-        Orientation map under `axes.R_room_camera`; renamed likewise.
+        Orientation map under `axes.R_room_camera`; its ids are renamed likewise.
     scene : SuperpixelScene or None
         What the scene network says; its layout is renamed likewise.
     """
@@ -83,7 +84,8 @@ def gather_hypotheses(
         hypotheses.append(
             FrameEvidence(
                 R_room_camera=R,
-                orientation=None if orientation is None else _rename_image(orientation, axes.R_room_camera, R),
+                orientation=orientation,
+                orientation_names=_renamed_ids(axes.R_room_camera, R),
                 context=None if context is None else rename_walls(context, axes.R_room_camera, R),
                 depth_cues=compute_depth_cues(superpixels, R, camera) if with_depth else None,
                 scene_layout=None if scene is None else rename_walls(scene.layout, axes.R_room_camera, R),
@@ -92,12 +94,7 @@ def gather_hypotheses(
     return tuple(hypotheses)
 
 
-def _rename_image(
-    orientation: NDArray[np.uint8], R_from: NDArray[np.float64], R_to: NDArray[np.float64]
-) -> NDArray[np.uint8]:
-    one_hot = np.eye(6)  # rows: faces 1..5 as labels 0..4, and nothing
-    renamed = rename_walls(one_hot, R_from, R_to)
-    table = np.zeros(6, np.uint8)
-    table[1:] = [int(np.argmax(row)) + 1 for row in renamed[:5]]
-    table[table == 6] = 0
-    return table[orientation]
+def _renamed_ids(R_from: NDArray[np.float64], R_to: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """(6,) what the ids 0..5 of an orientation map are called under other axes; 0 is no orientation."""
+    names = rename_walls(np.eye(N_FACES), R_from, R_to).argmax(axis=1) + 1
+    return np.append(0, names).astype(np.uint8)

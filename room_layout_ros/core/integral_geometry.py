@@ -47,7 +47,13 @@ def pair_tables(counts: CellCounts, face_cost: NDArray[np.float64]) -> PairTable
     grid = counts.grid
     cost = np.ascontiguousarray(face_cost, dtype=np.float64)
     boxes, sectors, total, behind = _scatter(
-        cost, counts.quadrant_pixels, counts.behind_pixels, *_unsigned(counts), grid.state_counts, grid.bin_counts
+        cost,
+        counts.quadrant_pixels,
+        counts.behind_pixels,
+        counts.boxes,
+        counts.sectors,
+        grid.state_counts,
+        grid.bin_counts,
     )
     return _read_all(grid, boxes, sectors, total, behind)
 
@@ -92,14 +98,9 @@ def face_counts(counts: CellCounts, layout: tuple[int, int, int, int]) -> NDArra
     """
     grid = counts.grid
     return _face_counts(
-        counts.quadrant_pixels, counts.behind_pixels, *_unsigned(counts),
+        counts.quadrant_pixels, counts.behind_pixels, counts.boxes, counts.sectors,
         grid.state_counts, grid.bin_counts, *_corners_of(grid, layout), np.array(layout, dtype=np.int64),
     )  # fmt: skip
-
-
-def _unsigned(counts: CellCounts) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
-    """Entries of boxes and sectors as numbers that cannot be negative, which kernels need not check for."""
-    return counts.boxes.view(np.uint32), counts.sectors.view(np.uint32)
 
 
 def _corners_of(grid: RayGrid, layout: tuple[int, int, int, int]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .cell_counts import CellCounts, count_samples, keep_atoms, sample_lattice
+from .cell_counts import CellCounts, count_samples, lattice_shear, sample_lattice
 from .config import EstimatorConfig
 from .depth import CELL_PX, DepthGeometry
 from .depth_cells import DepthCells, gather_depth_cells
@@ -21,8 +21,8 @@ from .ray_grid import compute_ray_grid
 from .superpixels import Superpixels
 
 _N_ORIENTATIONS = N_FACES + 1
-_ONE_HOT = np.eye(_N_ORIENTATIONS)[:, 1:]
-"""Rows: no orientation, then the faces."""
+SAME_NAMES = np.arange(_N_ORIENTATIONS, dtype=np.uint8)
+"""Of the ids of an orientation map: each keeps its own."""
 _TOLERANCE_M, _SPAN_M = 0.03, 0.30
 """A superpixel is fully above another when it is this much and more above it."""
 _TOLERANCE_SLOPE, _SPAN_SLOPE = 0.02, 0.20
@@ -42,7 +42,8 @@ class FrameEvidence:
     Attributes
     ----------
     R_room_camera : (3, 3) float64.
-    orientation : (H, W) uint8 orientation map, 0 or face id 1..5.
+    orientation : (H, W) uint8 orientation map, 0 or face id 1..5, under some naming of the axes.
+    orientation_names : (6,) uint8 what the ids 0..5 of that map are called under this one.
     context : (K, 6) probabilities of geometric context, in the order of the labels.
     depth_cues : (K, 12) six cosines and six distances, each in the order of the labels.
     scene_layout : (K, 5) probabilities of the faces of the empty room, by the scene network.
@@ -53,6 +54,7 @@ class FrameEvidence:
     context: NDArray[np.float64] | None = None
     depth_cues: NDArray[np.float64] | None = None
     scene_layout: NDArray[np.float64] | None = None
+    orientation_names: NDArray[np.uint8] = field(default_factory=lambda: SAME_NAMES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,26 +121,21 @@ def build_joint_problem(
     """
     K, R = superpixels.count, evidence.R_room_camera
     parts = parts or gather_parts(superpixels, geometry, config)
-    counts, number, per_superpixel = _count_atoms(camera, superpixels, evidence, parts, config, regions)
-    region = number % _N_ORIENTATIONS if regions is not None else np.zeros_like(number)
-    of_orientation = number // _N_ORIENTATIONS if regions is not None else number
-    orientation = of_orientation % _N_ORIENTATIONS if evidence.orientation is not None else np.zeros_like(number)
-    atom_superpixel = (number // per_superpixel).astype(np.int32)
-
+    counts, number = _count_atoms(camera, superpixels, evidence, parts, config, regions)
     context = (
         np.full((K, N_LABELS), 1.0 / N_LABELS) if evidence.context is None else np.asarray(evidence.context, np.float64)
     )
     behind = np.zeros((K, N_FACES)) if evidence.scene_layout is None else np.asarray(evidence.scene_layout, np.float64)
-    held = np.bincount(atom_superpixel * _N_ORIENTATIONS + orientation, counts.pixels, K * _N_ORIENTATIONS)
-    held = held.reshape(K, _N_ORIENTATIONS)
+    divisions = (evidence.orientation is not None, regions is not None)
+    superpixel, feature, region, shares = _describe_atoms(number, counts.pixels, context, behind, *divisions)
     cues = np.zeros((K, 12)) if evidence.depth_cues is None else np.asarray(evidence.depth_cues, np.float64)
     return JointProblem(
         counts=counts,
-        atom_superpixel=atom_superpixel,
-        atom_feature=np.concatenate([_ONE_HOT[orientation], context[atom_superpixel], behind[atom_superpixel]], axis=1),
-        atom_region=region.astype(np.uint8),
+        atom_superpixel=superpixel,
+        atom_feature=feature,
+        atom_region=region,
         label_gc=context,
-        label_om=held[:, 1:] / np.maximum(held.sum(axis=1), 1.0)[:, None],
+        label_om=shares,
         label_depth=np.minimum(cues, _MAX_CUE_M) if geometry is not None else np.zeros((K, 12)),  # cosines are below it
         edges=superpixels.edges,
         contact=parts.contact,
@@ -150,6 +147,38 @@ def build_joint_problem(
     )
 
 
+@njit(cache=True, nogil=True)
+def _describe_atoms(number, pixels, context, behind, by_orientation, by_region):  # type: ignore[no-untyped-def]
+    """(A,) superpixel, (A, 16) features and (A,) region of the atoms with these numbers; (K, 5) share of each
+    superpixel's pixels per orientation.
+    """
+    atoms = len(number)
+    superpixel, region = np.empty(atoms, np.int32), np.zeros(atoms, np.uint8)
+    feature = np.zeros((atoms, N_FACES + N_LABELS + N_FACES))
+    shares, whole = np.zeros((len(context), N_FACES)), np.zeros(len(context))
+    for a in range(atoms):
+        k, orientation = number[a], 0
+        if by_region:
+            region[a] = k % _N_ORIENTATIONS
+            k //= _N_ORIENTATIONS
+        if by_orientation:
+            orientation = k % _N_ORIENTATIONS
+            k //= _N_ORIENTATIONS
+        superpixel[a] = k
+        whole[k] += pixels[a]
+        if orientation > 0:
+            feature[a, orientation - 1] = 1.0
+            shares[k, orientation - 1] += pixels[a]
+        for c in range(N_LABELS):
+            feature[a, N_FACES + c] = context[k, c]
+        for c in range(N_FACES):
+            feature[a, N_FACES + N_LABELS + c] = behind[k, c]
+    for k in range(len(whole)):
+        for f in range(N_FACES):
+            shares[k, f] /= max(whole[k], 1.0)
+    return superpixel, feature, region, shares
+
+
 def _count_atoms(
     camera: CameraIntrinsics,
     superpixels: Superpixels,
@@ -157,21 +186,43 @@ def _count_atoms(
     parts: SharedParts,
     config: EstimatorConfig,
     regions: NDArray[np.uint8] | None,
-) -> tuple[CellCounts, NDArray[np.intp], int]:
-    """Counts of the atoms that have a pixel, their numbers, and how many numbers a superpixel has."""
+) -> tuple[CellCounts, NDArray[np.intp]]:
+    """Counts of the atoms that have a pixel, and their numbers: (superpixel x 6 + orientation) x 6 + region."""
     atoms, per_superpixel = parts.index, 1
-    for image in (evidence.orientation, regions):
+    for image, names in ((evidence.orientation, evidence.orientation_names), (regions, SAME_NAMES)):
         if image is not None:
             if image.shape != superpixels.index.shape or image.dtype != np.uint8:
                 raise ValueError(
                     f"evidence image is {image.dtype} {image.shape}; uint8 {superpixels.index.shape} is needed"
                 )
-            atoms = atoms * np.int32(_N_ORIENTATIONS) + sample_lattice(image, config.layout_pixel_step)
+            atoms = _divide(atoms, image, names, config.layout_pixel_step, lattice_shear(config.layout_pixel_step))
             per_superpixel *= _N_ORIENTATIONS
     grid = compute_ray_grid(camera, evidence.R_room_camera, config.layout_rays, config.layout_angle_bins)
-    counts = count_samples(grid, atoms, superpixels.count * per_superpixel, config.layout_pixel_step)
-    held = counts.pixels > 0
-    return keep_atoms(counts, held), np.flatnonzero(held), per_superpixel
+    held = _held(atoms, superpixels.count * per_superpixel)
+    return count_samples(grid, atoms, held, config.layout_pixel_step), np.flatnonzero(held)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _divide(atoms, image, names, step, shear):  # type: ignore[no-untyped-def]
+    """(H, n) int32: the atoms of a lattice's pixels divided by the names 0..5 of the ids of an image."""
+    divided = np.empty_like(atoms)
+    for y in range(atoms.shape[0]):
+        first = (-shear * y) % step
+        for k in range(atoms.shape[1]):
+            x = first + k * step
+            divided[y, k] = atoms[y, k] * _N_ORIENTATIONS + names[image[y, x]] if atoms[y, k] >= 0 else -1
+    return divided
+
+
+@njit(cache=True, nogil=True)
+def _held(atoms, count):  # type: ignore[no-untyped-def]
+    """(count,) bool: atoms that have a pixel."""
+    held = np.zeros(count, np.bool_)
+    for y in range(atoms.shape[0]):
+        for k in range(atoms.shape[1]):
+            if atoms[y, k] >= 0:
+                held[atoms[y, k]] = True
+    return held
 
 
 def compute_relations(
@@ -220,22 +271,33 @@ def _relations(centre, plane, edges, R, camera, with_depth):  # type: ignore[no-
 
 def _smoothness(superpixels: Superpixels, with_depth: bool) -> NDArray[np.float64]:
     """(E, 3): 1, likeness of colour, likeness of plane."""
-    i, j = superpixels.edges.T
-    color = np.linalg.norm(superpixels.mean_lab[i] - superpixels.mean_lab[j], axis=1) / _COLOR_SCALE
-    likeness = np.zeros(len(i))
-    if with_depth:
-        gap = np.maximum(_plane_gap(superpixels, i, j), _plane_gap(superpixels, j, i))
-        likeness = np.nan_to_num(np.exp(-0.5 * (gap / _PLANE_SCALE) ** 2), nan=0.0)
-    return np.column_stack([np.ones(len(i)), np.exp(-0.5 * color**2), likeness]).astype(np.float64)
+    return np.asarray(
+        _likeness(superpixels.edges, superpixels.mean_lab, superpixels.center_px, superpixels.plane, with_depth)
+    )
 
 
-def _plane_gap(superpixels: Superpixels, i: NDArray[np.int32], j: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Relative difference of inverse depth between the planes of i and j at the centre of j."""
-    x, y = superpixels.center_px[j].T.astype(np.float64)
-    of_i = superpixels.plane[i, 0] * x + superpixels.plane[i, 1] * y + superpixels.plane[i, 2]
-    of_j = superpixels.plane[j, 0] * x + superpixels.plane[j, 1] * y + superpixels.plane[j, 2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.abs(of_i - of_j) / np.abs(of_j)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _likeness(edges, lab, centre, plane, with_depth):  # type: ignore[no-untyped-def]
+    result = np.ones((len(edges), 3))
+    for e in range(len(edges)):
+        i, j = edges[e, 0], edges[e, 1]
+        square = 0.0
+        for c in range(3):
+            square += (float(lab[i, c]) - float(lab[j, c])) ** 2
+        result[e, 1] = np.exp(-0.5 * square / _COLOR_SCALE**2)
+        gap = max(_plane_gap(plane[i], plane[j], centre[j]), _plane_gap(plane[j], plane[i], centre[i]))
+        like = np.exp(-0.5 * (gap / _PLANE_SCALE) ** 2) if with_depth else 0.0
+        result[e, 2] = like if like == like else 0.0
+    return result
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _plane_gap(plane, other, centre):  # type: ignore[no-untyped-def]
+    """Relative difference of inverse depth between a plane and another at the other's centre; NaN where one is none."""
+    x, y = float(centre[0]), float(centre[1])
+    mine = plane[0] * x + plane[1] * y + plane[2]
+    others = other[0] * x + other[1] * y + other[2]
+    return abs(mine - others) / abs(others)
 
 
 def _profiles(
@@ -246,10 +308,20 @@ def _profiles(
     config: EstimatorConfig,
 ) -> DepthProfiles:
     """Profiles of the cells; a cell counts for a face as far as the context lets its superpixel be structure."""
-    structure = np.clip(2.0 * context[:, :N_FACES], 0.0, 1.0)
-    if np.ptp(context) == 0.0:  # nothing known
-        structure = np.ones_like(structure)
-    return compute_depth_profiles(*cells.turned(R), structure[cell_superpixel], cells.sigma, config.layout_scales)
+    structure = _structure(context, cell_superpixel)
+    return compute_depth_profiles(*cells.turned(R), structure, cells.sigma, config.layout_scales)
+
+
+@njit(cache=True, nogil=True)
+def _structure(context, owner):  # type: ignore[no-untyped-def]
+    """(n, 5) 0..1 per cell and face; 1 where the context says the same of everything: it knows nothing."""
+    known = context.max() > context.min()
+    result = np.ones((len(owner), N_FACES))
+    for c in range(len(owner)):
+        for f in range(N_FACES):
+            if known:
+                result[c, f] = min(2.0 * context[owner[c], f], 1.0)
+    return result
 
 
 def loss_costs(problem: JointProblem, label_truth: NDArray[np.float64], layout_share: float = 1.0) -> ExtraCosts:

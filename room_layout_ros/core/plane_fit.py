@@ -68,19 +68,34 @@ class PlaneFit:
 
 def compute_plane_fit(camera: CameraIntrinsics, superpixels: Superpixels, R: NDArray[np.float64]) -> PlaneFit:
     """Place the superpixels' planes in the room axes R (rows X right, Y down, Z front)."""
-    centre = superpixels.center_px.astype(np.float64)
-    a, b, c = superpixels.plane.T
-    inverse = a * centre[:, 0] + b * centre[:, 1] + c
-    ray = np.column_stack([(centre - (camera.cx, camera.cy)) / (camera.fx, camera.fy), np.ones(len(centre))])
-    m = np.column_stack([a * camera.fx, b * camera.fy, c + a * camera.cx + b * camera.cy])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        z = np.where(inverse > 0, 1.0 / inverse, np.nan)
-        normal = m / np.linalg.norm(m, axis=1, keepdims=True)
-    outward = FACE_SIGN[:, None] * R[FACE_AXIS]
-    cosine = np.clip(normal @ outward.T, -1.0, 1.0)
-    agreement = np.nan_to_num(np.exp(-(1.0 - cosine) / _NORMAL_RAD**2), nan=0.0)
-    tolerance = _TOLERANCE_M + 2.0 * np.asarray(depth_sigma(np.nan_to_num(z, nan=1.0), NOISE_FLOOR_M, NOISE_QUADRATIC))
-    return PlaneFit((ray * z[:, None]) @ outward.T, agreement, tolerance)
+    camera_numbers = (camera.fx, camera.fy, camera.cx, camera.cy)
+    return PlaneFit(
+        *_place(superpixels.center_px, superpixels.plane, FACE_SIGN[:, None] * R[FACE_AXIS], camera_numbers)
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _place(centre, plane, outward, camera):  # type: ignore[no-untyped-def]
+    """Offset and agreement (K, 5) and tolerance (K,), for the outward normals (5, 3)."""
+    fx, fy, cx, cy = camera
+    offset, agreement = np.full((len(plane), 5), np.nan), np.zeros((len(plane), 5))
+    tolerance = np.empty(len(plane))
+    for k in range(len(plane)):
+        a, b, c = plane[k, 0], plane[k, 1], plane[k, 2]
+        x, y = float(centre[k, 0]), float(centre[k, 1])
+        inverse = a * x + b * y + c
+        z = 1.0 / inverse if inverse > 0.0 else 1.0  # for the noise, where nothing is known
+        tolerance[k] = _TOLERANCE_M + 2.0 * depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC)
+        mx, my, mz = a * fx, b * fy, c + a * cx + b * cy
+        length = np.sqrt(mx * mx + my * my + mz * mz)
+        for f in range(5):
+            cosine = (mx * outward[f, 0] + my * outward[f, 1] + mz * outward[f, 2]) / length
+            if cosine == cosine:
+                agreement[k, f] = np.exp(-(1.0 - min(max(cosine, -1.0), 1.0)) / _NORMAL_RAD**2)
+            if inverse > 0.0:
+                u, v = (x - cx) / fx, (y - cy) / fy
+                offset[k, f] = z * (u * outward[f, 0] + v * outward[f, 1] + outward[f, 2])
+    return offset, agreement, tolerance
 
 
 @njit(cache=True, nogil=True)
