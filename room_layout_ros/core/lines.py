@@ -105,13 +105,23 @@ def segment_planes(
     middle : (n, 3) float64
         Unit ray through the segment's middle.
     """
-    p = segments.points.astype(np.float64)
-    first = np.stack([(p[:, 0] - camera.cx) / camera.fx, (p[:, 1] - camera.cy) / camera.fy, np.ones(len(p))], axis=1)
-    last = np.stack([(p[:, 2] - camera.cx) / camera.fx, (p[:, 3] - camera.cy) / camera.fy, np.ones(len(p))], axis=1)
-    normal = np.cross(first, last)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    middle = first + last
-    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+    normal, middle = _planes(segments.points, camera.fx, camera.fy, camera.cx, camera.cy)
+    return normal, middle
+
+
+@njit(cache=True, nogil=True)
+def _planes(points, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
+    n = points.shape[0]
+    normal, middle = np.empty((n, 3)), np.empty((n, 3))
+    for i in range(n):
+        ax, ay = (points[i, 0] - cx) / fx, (points[i, 1] - cy) / fy
+        bx, by = (points[i, 2] - cx) / fx, (points[i, 3] - cy) / fy
+        nx, ny, nz = ay - by, bx - ax, ax * by - ay * bx
+        length = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-12)
+        normal[i, 0], normal[i, 1], normal[i, 2] = nx / length, ny / length, nz / length
+        mx, my = ax + bx, ay + by
+        length = np.sqrt(mx * mx + my * my + 4.0)
+        middle[i, 0], middle[i, 1], middle[i, 2] = mx / length, my / length, 2.0 / length
     return normal, middle
 
 

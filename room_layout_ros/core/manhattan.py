@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .axes_refinement import refine_on_planes
+from .axes_refinement import cross, refine_on_planes
 from .config import EstimatorConfig
 from .depth import DepthGeometry, fit_cell_planes
 from .frame import CameraIntrinsics
@@ -134,14 +134,14 @@ def name_axes(R: NDArray[np.float64], gravity: NDArray[np.float64] | None = None
     horizontal = [R[j] for j in range(3) if j != k]
     z = max(horizontal, key=lambda v: abs(v[2]))
     z = z if z[2] >= 0 else -z
-    return np.array([np.cross(y, z), y, z])
+    return np.array([cross(y, z), y, z])
 
 
 def other_front(R: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the frame with the other horizontal axis as front (towards the camera's view)."""
     x, y, _ = R
     z = x if x[2] >= 0 else -x
-    return np.array([np.cross(y, z), y, z])
+    return np.array([cross(y, z), y, z])
 
 
 def angle_between_frames(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
@@ -227,9 +227,9 @@ def _mean_shift(x, y, z, weight, sharpness, direction):  # type: ignore[no-untyp
 def _complete(axis: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rows (u, v, axis): a right-handed basis with `axis` last."""
     helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    u = np.cross(helper, axis)
-    u /= np.linalg.norm(u)
-    return np.array([u, np.cross(axis, u), axis])
+    u = np.array(cross(helper, axis))
+    u /= np.sqrt(u @ u)
+    return np.array([u, cross(axis, u), axis])
 
 
 def _azimuths(normals: NDArray[np.float64], weight: NDArray[np.float64], basis: NDArray[np.float64]) -> list[float]:
