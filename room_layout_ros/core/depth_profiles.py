@@ -145,11 +145,12 @@ def _profiles(points, agreement, structure, sigma, face_axis, face_sign, offsets
     support = np.zeros((5, n))
     violation = np.zeros((5, n))
     whole = np.zeros((5, n + 1))  # cells that lie wholly beyond every offset before a bin
-    share = 1.0 / len(points)
+    share, per_step = 1.0 / len(points), 1.0 / step - 1e-6  # a place too early is made good
     for c in range(len(points)):
         if not points[c, 2] == points[c, 2]:
             continue
         width = 2.0 * np.sqrt(sigma[c] ** 2 + tolerance**2)
+        per_width = 1.0 / width
         for k in range(5):
             axis = face_axis[k]
             offset = face_sign[k] * points[c, axis]
@@ -157,11 +158,10 @@ def _profiles(points, agreement, structure, sigma, face_axis, face_sign, offsets
                 continue
             weight = share * agreement[c, axis] * structure[c, k]
             near = offset - width
-            b = int(first[min(int(max(near, 0.0) / step), len(first) - 1)])
+            b = int(first[min(int(max(near, 0.0) * per_step), len(first) - 1)])
             while b < n and offsets[b] < near:
                 b += 1
             whole[k, b] += share
-            per_width = 1.0 / width
             while b < n and offsets[b] < offset:  # a triangle of support; violation falls off across the cell
                 gap = (offsets[b] - offset) * per_width
                 support[k, b] += weight * (1.0 + gap)

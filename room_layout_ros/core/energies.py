@@ -168,18 +168,28 @@ def layout_tables(
 
 def label_problem(problem: JointProblem, weights: ModelWeights, extra: ExtraCosts | None = None) -> LabelProblem:
     """Return E_labelling as unary and pairwise costs."""
-    unary = problem.label_gc @ weights.block("label_gc") + problem.label_om @ weights.block("label_om")
-    unary += label_depth_costs(problem, weights) + weights.block("label_bias")
-    unary *= problem.area[:, None]
+    unary = _unary(
+        problem.label_gc, problem.label_om, problem.label_depth, problem.area,
+        weights.block("label_gc"), weights.block("label_om"), weights.block("label_depth"), weights.block("label_bias"),
+    )  # fmt: skip
     if extra is not None:
         unary += extra.label
     return LabelProblem(unary, problem.edges, pair_costs(problem, weights))
 
 
-def label_depth_costs(problem: JointProblem, weights: ModelWeights) -> NDArray[np.float64]:
-    """(K, 6): the cosine and the distance that belong to a label, each with its weight (12 in all)."""
-    w = weights.block("label_depth")
-    return problem.label_depth[:, :N_LABELS] * w[:N_LABELS] + problem.label_depth[:, N_LABELS:] * w[N_LABELS:]
+@njit(cache=True, nogil=True)
+def _unary(context, orientation, depth, area, w_context, w_orientation, w_depth, bias):  # type: ignore[no-untyped-def]
+    """(K, 6); of the depth cues, the cosine and the distance that belong to a label count, each with its weight."""
+    unary = np.empty((len(area), N_LABELS))
+    for k in range(len(area)):
+        for a in range(N_LABELS):
+            cost = bias[a] + depth[k, a] * w_depth[a] + depth[k, N_LABELS + a] * w_depth[N_LABELS + a]
+            for c in range(N_LABELS):
+                cost += context[k, c] * w_context[c, a]
+            for f in range(N_FACES):
+                cost += orientation[k, f] * w_orientation[f, a]
+            unary[k, a] = cost * area[k]
+    return unary
 
 
 def pair_costs(problem: JointProblem, weights: ModelWeights) -> NDArray[np.float64]:
@@ -187,9 +197,29 @@ def pair_costs(problem: JointProblem, weights: ModelWeights) -> NDArray[np.float
     w = weights.block("pair")[:, :, None]
     table = w * _TABLE + (w * _TABLE[:, :, _REVERSED]).transpose(1, 0, 2)
     unlike = (1.0 - np.eye(N_LABELS))[:, :, None] * weights.block("smoothness")
-    per_feature = np.concatenate([table, unlike], axis=2).reshape(N_LABELS * N_LABELS, -1)
-    features = np.concatenate([problem.relation, problem.smoothness], axis=1) * problem.contact[:, None]
-    return (features @ per_feature.T).reshape(-1, N_LABELS, N_LABELS)
+    per_feature = np.concatenate([table, unlike], axis=2).reshape(N_LABELS * N_LABELS, -1).T
+    costs = _pairs(problem.relation, problem.smoothness, problem.contact, np.ascontiguousarray(per_feature))
+    return np.asarray(costs).reshape(-1, N_LABELS, N_LABELS)
+
+
+@njit(cache=True, nogil=True)
+def _pairs(relation, smoothness, contact, per_feature):  # type: ignore[no-untyped-def]
+    """(E, 36): the features of an edge times their costs for the labels, (9, 36); most relations are 0."""
+    costs = np.zeros((len(contact), per_feature.shape[1]))
+    for e in range(len(contact)):
+        row = costs[e]
+        for r in range(6):
+            if relation[e, r] != 0.0:
+                _add_scaled(row, relation[e, r] * contact[e], per_feature[r])
+        for r in range(3):
+            _add_scaled(row, smoothness[e, r] * contact[e], per_feature[6 + r])
+    return costs
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _add_scaled(row, factor, values):  # type: ignore[no-untyped-def]
+    for a in range(N_LABELS * N_LABELS):
+        row[a] += factor * values[a]
 
 
 def violations(relation: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -217,19 +247,26 @@ def couple(
     scale: float,
 ) -> NDArray[np.float64]:
     """`coupling`, given the shares of the superpixels in the faces (K, 5) and in all (K,)."""
-    cost = faces @ weights.block("compatibility")
-    if problem.fit is not None:
-        _add_fit(cost, area, problem.fit.at(plane_distances(problem, layout, scale)), weights.block("plane_fit"))
-    return cost
+    compatibility = weights.block("compatibility")
+    if problem.fit is None:
+        return faces @ compatibility
+    shares = problem.fit.at(plane_distances(problem, layout, scale))
+    return np.asarray(_couple(faces, compatibility, area, shares, weights.block("plane_fit")))
 
 
 @njit(cache=True, nogil=True)
-def _add_fit(cost, area, shares, weights):  # type: ignore[no-untyped-def]
-    """cost[k, f] += area[k] (shares[k, f] . weights[f]) for every face f."""
+def _couple(faces, compatibility, area, shares, fit_weights):  # type: ignore[no-untyped-def]
+    """(K, 6): faces . compatibility + area (shares[k, f] . weights[f]) for every face f."""
+    cost = np.zeros((len(area), compatibility.shape[1]))
     for k in range(len(area)):
-        for f in range(weights.shape[0]):
-            for r in range(weights.shape[1]):
-                cost[k, f] += area[k] * shares[k, f, r] * weights[f, r]
+        for f in range(N_FACES):
+            if faces[k, f] != 0.0:
+                for a in range(compatibility.shape[1]):
+                    cost[k, a] += faces[k, f] * compatibility[f, a]
+        for f in range(N_FACES):
+            for r in range(fit_weights.shape[1]):
+                cost[k, f] += area[k] * shares[k, f, r] * fit_weights[f, r]
+    return cost
 
 
 def plane_distances(problem: JointProblem, layout: Layout, scale: float) -> NDArray[np.float64]:

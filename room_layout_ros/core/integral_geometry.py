@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from .cell_counts import CellCounts, histogram_offsets
 from .labels import CEILING, FLOOR, FRONT_WALL, LEFT_WALL, N_FACES, RIGHT_WALL
-from .ray_grid import N_QUADRANTS, QUADRANT_HORIZONTAL, QUADRANT_VERTICAL, RayGrid
+from .ray_grid import QUADRANT_HORIZONTAL, QUADRANT_VERTICAL, RayGrid
 
 PairTables = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 """Costs of (y1, y3), (y1, y4), (y2, y3), (y2, y4); the cost of a layout is their sum."""
@@ -97,22 +97,17 @@ def face_counts(counts: CellCounts, layout: tuple[int, int, int, int]) -> NDArra
     The pixels of the angle bin in which a corner falls are shared, so counts are not integers; they add up per atom.
     """
     grid = counts.grid
-    return _face_counts(
-        counts.quadrant_pixels, counts.behind_pixels, counts.boxes, counts.sectors,
-        grid.state_counts, grid.bin_counts, *_corners_of(grid, layout), np.array(layout, dtype=np.int64),
+    return np.asarray(
+        _face_counts(
+            counts.quadrant_pixels, counts.behind_pixels, counts.boxes, counts.sectors,
+            grid.state_counts, grid.bin_counts, grid.corner_bin, grid.corner_share, layout,
+        )
     )  # fmt: skip
-
-
-def _corners_of(grid: RayGrid, layout: tuple[int, int, int, int]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """(4,) angle bin and share of a layout's corner in each quadrant."""
-    at = [(layout[QUADRANT_VERTICAL[q]], layout[QUADRANT_HORIZONTAL[q]]) for q in range(N_QUADRANTS)]
-    bins = np.array([grid.corner_bin[q][corner] for q, corner in enumerate(at)], dtype=np.int64)
-    return bins, np.array([grid.corner_share[q][corner] for q, corner in enumerate(at)])
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _quadrant(cell, offset):  # type: ignore[no-untyped-def]
-    return int(cell >= offset[1]) + int(cell >= offset[2]) + int(cell >= offset[3])
+    return np.uint32(cell >= offset[1]) + np.uint32(cell >= offset[2]) + np.uint32(cell >= offset[3])
 
 
 @njit(cache=True, nogil=True)
@@ -198,15 +193,25 @@ def _parts(box_offset, sector_offset, counts, bins, corner_bin, corner_share, la
     """What share of each box is front, and of each sector side, in one layout."""
     front, side = np.zeros(box_offset[4]), np.zeros(sector_offset[4])
     for q in range(4):
-        i_of_layout, j_of_layout, columns = layout[_VERTICAL[q]], layout[_HORIZONTAL[q]], counts[_HORIZONTAL[q]]
-        for i in range(i_of_layout + 1):
-            start = box_offset[q] + i * columns
-            front[start : start + j_of_layout + 1] = 1.0
-        for j in range(j_of_layout + 1, columns):
-            start = sector_offset[q] + j * bins[q]
-            side[start + corner_bin[q]] = corner_share[q]
-            side[start + corner_bin[q] + 1 : start + bins[q]] = 1.0
+        i, j, columns = layout[_VERTICAL[q]], layout[_HORIZONTAL[q]], counts[_HORIZONTAL[q]]
+        corner, share = corner_bin[q][i, j], corner_share[q][i, j]
+        for row in range(i + 1):
+            start = box_offset[q] + row * columns
+            front[start : start + j + 1] = 1.0
+        for column in range(j + 1, columns):
+            start = sector_offset[q] + column * bins[q]
+            side[start + corner] = share
+            side[start + corner + 1 : start + bins[q]] = 1.0
     return front, side
+
+
+@njit(cache=True, nogil=True)
+def _add_shares(entries, share, offset, result):  # type: ignore[no-untyped-def]
+    """Add the share of its pixels that each entry has, per atom and quadrant."""
+    for e in range(len(entries)):
+        cell = entries[e, 1]
+        if share[cell] > 0.0:
+            result[entries[e, 0], _quadrant(cell, offset)] += share[cell] * entries[e, 2]
 
 
 @njit(cache=True, nogil=True)
@@ -214,23 +219,17 @@ def _face_counts(  # type: ignore[no-untyped-def]
     quadrant_pixels, behind_pixels, box_entries, sector_entries, counts, bins, corner_bin, corner_share, layout,
 ):  # fmt: skip
     box_offset, sector_offset = histogram_offsets(counts, bins)
+    front_share, side_share = _parts(box_offset, sector_offset, counts, bins, corner_bin, corner_share, layout)
+    front, side = np.zeros_like(quadrant_pixels), np.zeros_like(quadrant_pixels)
+    _add_shares(box_entries, front_share, box_offset, front)
+    _add_shares(sector_entries, side_share, sector_offset, side)
     result = np.zeros((len(quadrant_pixels), 5))
     for q in range(4):
         v, h = _VERTICAL[q], _HORIZONTAL[q]
         open_ = layout[v] == counts[v] - 1 and layout[h] == counts[h] - 1
         for a in range(len(result)):
-            result[a, _TOP[q]] += quadrant_pixels[a, q] - (behind_pixels[a, q] if open_ else 0.0)
-    front, side = _parts(box_offset, sector_offset, counts, bins, corner_bin, corner_share, layout)
-    for e in range(len(box_entries)):
-        atom, cell = box_entries[e, 0], box_entries[e, 1]
-        if front[cell] > 0.0:
-            result[atom, _FRONT] += box_entries[e, 2]
-            result[atom, _TOP[_quadrant(cell, box_offset)]] -= box_entries[e, 2]
-    for e in range(len(sector_entries)):
-        atom, cell = sector_entries[e, 0], sector_entries[e, 1]
-        part = side[cell] * sector_entries[e, 2]
-        if part > 0.0:
-            q = _quadrant(cell, sector_offset)
-            result[atom, _SIDE[q]] += part
-            result[atom, _TOP[q]] -= part
+            result[a, _FRONT] += front[a, q]
+            result[a, _SIDE[q]] += side[a, q]
+            rest = quadrant_pixels[a, q] - (behind_pixels[a, q] if open_ else 0.0)
+            result[a, _TOP[q]] += rest - front[a, q] - side[a, q]
     return result

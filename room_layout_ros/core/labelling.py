@@ -57,11 +57,7 @@ class LabelProblem:
 
     def energy(self, labels: NDArray[np.int64]) -> float:
         """Return the cost of a labelling: (K,) label indices from 0."""
-        total = self.unary[np.arange(len(labels)), labels].sum()
-        if len(self.edges):
-            i, j = self.edges.T
-            total += self.pairwise[np.arange(len(i)), labels[i], labels[j]].sum()
-        return float(total)
+        return float(_cost(self.unary, self.edges, self.pairwise, labels))
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,11 +122,28 @@ def _padded_pairwise(pairwise: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Kernels have loops of a fixed number of labels, which the compiler unrolls.
     """
+    return np.asarray(_both_ways(pairwise))
+
+
+@njit(cache=True, nogil=True)
+def _both_ways(pairwise):  # type: ignore[no-untyped-def]
     edges, labels, _ = pairwise.shape
-    padded = np.zeros((edges, 2, _WIDTH, _WIDTH))
-    padded[:, 0, :labels, :labels] = pairwise
-    padded[:, 1, :labels, :labels] = pairwise.transpose(0, 2, 1)
-    return padded.reshape(2 * edges, _WIDTH, _WIDTH)
+    padded = np.zeros((2 * edges, _WIDTH, _WIDTH))
+    for e in range(edges):
+        for a in range(labels):
+            for b in range(labels):
+                padded[2 * e, a, b] = padded[2 * e + 1, b, a] = pairwise[e, a, b]
+    return padded
+
+
+@njit(cache=True, nogil=True)
+def _cost(unary, edges, pairwise, labels):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for i in range(len(labels)):
+        total += unary[i, labels[i]]
+    for e in range(len(edges)):
+        total += pairwise[e, labels[edges[e, 0]], labels[edges[e, 1]]]
+    return total
 
 
 def _padded_unary(unary: NDArray[np.float64], pairwise: NDArray[np.float64]) -> NDArray[np.float64]:

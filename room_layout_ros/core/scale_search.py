@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from .integral_geometry import PairTables
-from .layout_search import Layout, complete, layout_energy, min_plus, turned
+from .layout_search import Layout, layout_energy, min_plus
 from .plane_costs import PlaneCosts
 
 _TIE = 1e-12
@@ -34,25 +34,40 @@ def best_layout(tables: PairTables, planes: PlaneCosts, known: tuple[Layout, int
 
     `known`, the layout before, is kept unless another is better; of equal scales the one of the lower bound wins.
     """
-    best = None
-    if known is not None:
-        best = PlacedLayout(*known, layout_energy(tables, known[0]) + planes.of(*known))
-    lower = turned(tables[2]), turned(tables[3])
-    alone = complete(tables)
-    bounds = _bounds(alone, planes.sides, planes.starts, planes.constant)
-    for c in np.argsort(bounds, kind="stable").tolist():
-        limit = np.inf if best is None else best.energy - _TIE
+    limit = np.inf if known is None else layout_energy(tables, known[0]) + planes.of(*known)
+    energy, c, *states = _search_scales(*tables, planes.sides, planes.starts, planes.constant, limit - _TIE)
+    if c >= 0:
+        ceiling, floor, left, right = states
+        return PlacedLayout((ceiling, floor, left, right), c, energy)
+    if known is None:
+        raise AssertionError("no scale to search")
+    return PlacedLayout(*known, limit)
+
+
+@njit(cache=True, nogil=True)
+def _search_scales(upper_left, upper_right, lower_left, lower_right, sides, starts, constant, limit):  # type: ignore[no-untyped-def]
+    """Least energy below `limit`, its scale and its four states; a scale of -1 where there is none."""
+    lower_left, lower_right = np.ascontiguousarray(lower_left.T), np.ascontiguousarray(lower_right.T)
+    alone = np.empty((len(upper_left), lower_left.shape[1]))
+    over_right = np.empty_like(alone)
+    min_plus(upper_left, lower_left, alone)
+    min_plus(upper_right, lower_right, over_right)
+    alone += over_right
+    bounds = _bounds(alone, sides, starts, constant)
+    energy, scale, states = np.inf, -1, (-1, -1, -1, -1)
+    for c in np.argsort(bounds, kind="mergesort"):
         if bounds[c] >= limit:
             break
-        energy, *layout = _search(
-            tables[0], tables[1], *lower, alone, *planes.unaries(c), limit - float(planes.constant[c])
-        )
-        if layout[0] >= 0:
-            ceiling, floor, left, right = layout
-            best = PlacedLayout((ceiling, floor, left, right), c, energy + float(planes.constant[c]))
-    if best is None:
-        raise AssertionError("no scale to search")
-    return best
+        side = sides[c]
+        least, i, j, j3, j4 = _search(
+            upper_left, upper_right, lower_left, lower_right, alone,
+            side[: starts[1]], side[starts[1] : starts[2]], side[starts[2] : starts[3]], side[starts[3] :],
+            limit - constant[c],
+        )  # fmt: skip
+        if i >= 0:
+            energy, scale, states = least + constant[c], c, (i, j, j3, j4)
+            limit = energy - _TIE
+    return energy, scale, states[0], states[1], states[2], states[3]
 
 
 @njit(cache=True, nogil=True)

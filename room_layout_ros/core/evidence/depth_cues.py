@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from ..frame import CameraIntrinsics
@@ -31,14 +32,23 @@ def compute_depth_cues(
         6..11: metres from its centroid to that of the superpixel farthest along each. All 0 where there is no
         plane: in an energy that is linear in them, 0 says nothing.
     """
-    normal, _, centroid = superpixel_planes(superpixels, camera)
-    cosines = normal @ R_room_camera.T @ DIRECTIONS.T
-    along = centroid @ R_room_camera.T @ DIRECTIONS.T
-    known = np.isfinite(along[:, 0])
-    cues = np.zeros((superpixels.count, 12))
-    if known.any():
-        cues[known, :6] = cosines[known]
-        cues[known, 6:] = along[known].max(axis=0) - along[known]
+    return np.asarray(_cues(*superpixel_planes(superpixels, camera), np.ascontiguousarray(DIRECTIONS @ R_room_camera)))
+
+
+@njit(cache=True, nogil=True)
+def _cues(normal, _, centroid, directions):  # type: ignore[no-untyped-def]
+    cues, farthest = np.zeros((len(normal), 12)), np.full(6, -np.inf)
+    for k in range(len(normal)):
+        if centroid[k, 0] == centroid[k, 0]:
+            for d in range(6):
+                x, y, z = directions[d, 0], directions[d, 1], directions[d, 2]
+                cues[k, d] = normal[k, 0] * x + normal[k, 1] * y + normal[k, 2] * z
+                cues[k, 6 + d] = centroid[k, 0] * x + centroid[k, 1] * y + centroid[k, 2] * z
+                farthest[d] = max(farthest[d], cues[k, 6 + d])
+    for k in range(len(normal)):
+        if centroid[k, 0] == centroid[k, 0]:
+            for d in range(6):
+                cues[k, 6 + d] = farthest[d] - cues[k, 6 + d]
     return cues
 
 
@@ -53,12 +63,24 @@ def superpixel_planes(
     centroid : (K, 3) m, where the ray of the superpixel's centre meets its plane.
         NaN without a plane, or where that ray does not meet it.
     """
-    a, b, c = superpixels.plane.T
-    m = np.stack([a * camera.fx, b * camera.fy, c + a * camera.cx + b * camera.cy], axis=1)  # n / d, method.md 3
-    length = np.linalg.norm(m, axis=1)
-    x, y = superpixels.center_px[:, 0].astype(np.float64), superpixels.center_px[:, 1].astype(np.float64)
-    inverse = a * x + b * y + c
-    with np.errstate(divide="ignore", invalid="ignore"):
-        z = np.where(inverse > 0, 1.0 / inverse, np.nan)
-        ray = np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones_like(x)], axis=1)
-        return m / length[:, None], 1.0 / length, ray * z[:, None]
+    normal, distance, centroid = _planes(
+        superpixels.plane, superpixels.center_px, camera.fx, camera.fy, camera.cx, camera.cy
+    )
+    return normal, distance, centroid
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _planes(plane, centre, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
+    count = len(plane)
+    normal, distance, centroid = np.empty((count, 3)), np.empty(count), np.full((count, 3), np.nan)
+    for k in range(count):
+        a, b, c = plane[k, 0], plane[k, 1], plane[k, 2]
+        mx, my, mz = a * fx, b * fy, c + a * cx + b * cy  # n / d, method.md 3
+        distance[k] = 1.0 / np.sqrt(mx * mx + my * my + mz * mz)
+        normal[k, 0], normal[k, 1], normal[k, 2] = mx * distance[k], my * distance[k], mz * distance[k]
+        x, y = float(centre[k, 0]), float(centre[k, 1])
+        inverse = a * x + b * y + c
+        if inverse > 0.0:
+            z = 1.0 / inverse
+            centroid[k, 0], centroid[k, 1], centroid[k, 2] = (x - cx) / fx * z, (y - cy) / fy * z, z
+    return normal, distance, centroid
