@@ -24,8 +24,8 @@ def test_profiles_are_those_of_every_cell_against_every_offset(rng: np.random.Ge
     agreement, structure, sigma = rng.uniform(size=(300, 3)), rng.uniform(size=(300, 5)), rng.uniform(0, 0.1, 300)
     found = compute_depth_profiles(points, agreement, structure, sigma)
     support, violation = naive_profiles(points, agreement, structure, sigma)
-    np.testing.assert_allclose(found.support, support, atol=1e-12)
-    np.testing.assert_allclose(found.violation, violation, atol=1e-12)
+    np.testing.assert_allclose(found.support, support, atol=1e-10)
+    np.testing.assert_allclose(found.violation, violation, atol=1e-9)  # sums of (offset / width)^2
 
 
 def test_a_wall_is_supported_where_it_is_and_violated_before_it() -> None:
@@ -35,9 +35,9 @@ def test_a_wall_is_supported_where_it_is_and_violated_before_it() -> None:
     found = compute_depth_profiles(points, agreement, np.ones((400, 5)), np.full(400, 0.01))
     support, violation = found.at(3, np.array([2.5, 2.99, 3.0, 3.5, np.inf]))
     assert support[2] > 0.7
-    assert support[0] == support[3] == support[4] == 0.0
+    np.testing.assert_allclose(support[[0, 3, 4]], 0.0, atol=1e-10)
     assert violation[0] == pytest.approx(1.0)
-    assert violation[3] == violation[4] == 0.0
+    np.testing.assert_allclose(violation[3:], 0.0, atol=1e-9)
     assert np.abs(found.scales - 3.0).min() < 0.05
     assert found.at(2, np.array([0.5]))[0] == 0.0  # the normal is no side wall's
 

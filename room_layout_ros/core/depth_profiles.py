@@ -21,6 +21,7 @@ FARTHEST_M = 15.0
 N_OFFSETS = 256
 _STEP = float(np.log(FARTHEST_M / NEAREST_M) / (N_OFFSETS - 1))
 _LOG_OFFSETS = np.log(NEAREST_M) + _STEP * np.arange(N_OFFSETS)
+_LOG_NEAREST = float(_LOG_OFFSETS[0])
 OFFSETS: NDArray[np.float64] = np.exp(_LOG_OFFSETS)
 """Distances in m at which profiles are sampled."""
 _FIRST_STEP_M = 0.004
@@ -111,9 +112,25 @@ def interpolate(profile: NDArray[np.float64], distances: NDArray[np.float64]) ->
 
 def curve_positions(distances: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return where distances in m (any shape) lie on a curve over `OFFSETS`; NaN for +inf. Of use for many curves."""
-    with np.errstate(divide="ignore"):
-        position = np.clip((np.log(distances) - _LOG_OFFSETS[0]) / _STEP, 0.0, N_OFFSETS - 1.0)
-    return np.where(np.isfinite(distances), position, np.nan)
+    return np.asarray(_positions(np.ravel(distances))).reshape(np.shape(distances))
+
+
+@njit(cache=True, nogil=True)
+def _positions(distances):  # type: ignore[no-untyped-def]
+    positions = np.empty(len(distances))
+    for i in range(len(distances)):
+        positions[i] = curve_position(distances[i])
+    return positions
+
+
+@njit(cache=True, nogil=True)
+def curve_position(distance):  # type: ignore[no-untyped-def]
+    """`curve_positions` of one distance."""
+    if not np.isfinite(distance):
+        return np.nan
+    if distance <= 0.0:
+        return 0.0
+    return min(max((np.log(distance) - _LOG_NEAREST) / _STEP, 0.0), N_OFFSETS - 1.0)
 
 
 def read_curve(curve: NDArray[np.float64], absent: float, positions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -139,40 +156,71 @@ def read_curve_at(curve, absent, position):  # type: ignore[no-untyped-def]
     return (1.0 - part) * curve[low] + part * curve[low + 1]
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _first_from(distance, offsets, first, per_step):  # type: ignore[no-untyped-def]
+    """First of the offsets that is not below a distance; one step is tried without a branch."""
+    b = np.uint64(first[min(int(max(distance, 0.0) * per_step), len(first) - 1)])
+    b += np.uint64(offsets[b] < distance)
+    while offsets[b] < distance:  # ends at the last, +inf
+        b += np.uint64(1)
+    return b
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _profiles(points, agreement, structure, sigma, face_axis, face_sign, offsets, first, step, tolerance):  # type: ignore[no-untyped-def]
-    n = len(offsets)
-    support = np.zeros((5, n))
-    violation = np.zeros((5, n))
-    whole = np.zeros((5, n + 1))  # cells that lie wholly beyond every offset before a bin
+    """Support is a triangle over the offsets, violation 1 before the cell and falling off as a parabola across it.
+
+    So both are polynomials between three offsets each. The changes of their coefficients there are added up (v0, v1,
+    v2 of violation, s0, s1 of support; a cache line per offset), and only their running sums are evaluated.
+    """
+    n, endless = len(offsets), np.append(offsets, np.inf)
+    change = np.zeros((5, n + 1, 8))
     share, per_step = 1.0 / len(points), 1.0 / step - 1e-6  # a place too early is made good
     for c in range(len(points)):
         if not points[c, 2] == points[c, 2]:
             continue
         width = 2.0 * np.sqrt(sigma[c] ** 2 + tolerance**2)
         per_width = 1.0 / width
+        curve = share * per_width * per_width
         for k in range(5):
             axis = face_axis[k]
             offset = face_sign[k] * points[c, axis]
             if offset + width <= offsets[0]:
                 continue
             weight = share * agreement[c, axis] * structure[c, k]
-            near = offset - width
-            b = int(first[min(int(max(near, 0.0) * per_step), len(first) - 1)])
-            while b < n and offsets[b] < near:
-                b += 1
-            whole[k, b] += share
-            while b < n and offsets[b] < offset:  # a triangle of support; violation falls off across the cell
-                gap = (offsets[b] - offset) * per_width
-                support[k, b] += weight * (1.0 + gap)
-                violation[k, b] += share * gap * gap
-                b += 1
-            while weight > 0.0 and b < n and offsets[b] < offset + width:
-                support[k, b] += weight * (1.0 - (offsets[b] - offset) * per_width)
-                b += 1
+            slope = weight * per_width
+            v0, v1 = curve * offset * offset, -2.0 * curve * offset
+            before, rising = change[k, 0], change[k, _first_from(offset - width, endless, first, per_step)]
+            before[0] += share
+            rising[0] += v0 - share
+            rising[1] += v1
+            rising[2] += curve
+            rising[3] += weight - slope * offset
+            rising[4] += slope
+            falling = change[k, _first_from(offset, endless, first, per_step)]
+            falling[0] -= v0
+            falling[1] -= v1
+            falling[2] -= curve
+            falling[3] += 2.0 * slope * offset
+            falling[4] -= 2.0 * slope
+            behind = change[k, _first_from(offset + width, endless, first, per_step)]
+            behind[3] -= weight + slope * offset
+            behind[4] += slope
+    return _evaluate(change, offsets)
+
+
+@njit(cache=True, nogil=True)
+def _evaluate(change, offsets):  # type: ignore[no-untyped-def]
+    """Support and violation (5, n) of the running sums of the changes."""
+    support, violation = np.empty((5, len(offsets))), np.empty((5, len(offsets)))
     for k in range(5):
-        beyond = 0.0
-        for b in range(n - 1, -1, -1):
-            beyond += whole[k, b + 1]
-            violation[k, b] += beyond
+        v0 = v1 = v2 = s0 = s1 = 0.0
+        for b in range(len(offsets)):
+            v0 += change[k, b, 0]
+            v1 += change[k, b, 1]
+            v2 += change[k, b, 2]
+            s0 += change[k, b, 3]
+            s1 += change[k, b, 4]
+            support[k, b] = s0 + offsets[b] * s1
+            violation[k, b] = v0 + offsets[b] * (v1 + offsets[b] * v2)
     return support, violation

@@ -194,12 +194,23 @@ def _unary(context, orientation, depth, area, w_context, w_orientation, w_depth,
 
 def pair_costs(problem: JointProblem, weights: ModelWeights) -> NDArray[np.float64]:
     """(E, 6, 6): Table 1 for i against j and for j against i, and the cost of unlike labels."""
-    w = weights.block("pair")[:, :, None]
-    table = w * _TABLE + (w * _TABLE[:, :, _REVERSED]).transpose(1, 0, 2)
-    unlike = (1.0 - np.eye(N_LABELS))[:, :, None] * weights.block("smoothness")
-    per_feature = np.concatenate([table, unlike], axis=2).reshape(N_LABELS * N_LABELS, -1).T
-    costs = _pairs(problem.relation, problem.smoothness, problem.contact, np.ascontiguousarray(per_feature))
+    per_feature = _pair_table(weights.block("pair"), weights.block("smoothness"), _TABLE)
+    costs = _pairs(problem.relation, problem.smoothness, problem.contact, per_feature)
     return np.asarray(costs).reshape(-1, N_LABELS, N_LABELS)
+
+
+@njit(cache=True, nogil=True)
+def _pair_table(pair, smoothness, table):  # type: ignore[no-untyped-def]
+    """(9, 36): what each of the six relations of i to j, and each smoothness feature, costs labels (a, b)."""
+    costs = np.zeros((9, N_LABELS * N_LABELS))
+    for a in range(N_LABELS):
+        for b in range(N_LABELS):
+            for r in range(6):
+                reverse = r ^ 1  # j is below, left of, behind i
+                costs[r, N_LABELS * a + b] = pair[a, b] * table[a, b, r] + pair[b, a] * table[b, a, reverse]
+            for r in range(3):
+                costs[6 + r, N_LABELS * a + b] = smoothness[r] if a != b else 0.0
+    return costs
 
 
 @njit(cache=True, nogil=True)

@@ -68,9 +68,7 @@ class RoomCuboid:
 
     def _rows(self, camera: CameraIntrinsics) -> NDArray[np.float64]:
         """(5, 3) m_k: the inverse depth of face k at pixel (x, y) is m_k . (x, y, 1)."""
-        m = self.inverse_normals
-        x, y = m[:, 0] / camera.fx, m[:, 1] / camera.fy
-        return np.stack([x, y, m[:, 2] - x * camera.cx - y * camera.cy], axis=1)
+        return pixel_rows(self.inverse_normals, camera)
 
     def polygons(self, camera: CameraIntrinsics) -> tuple[FacePolygon, ...]:
         """Return the visible part of each face, in the order of their ids."""
@@ -102,6 +100,12 @@ class FacePolygon:
     points_m: NDArray[np.float64]
     normal: NDArray[np.float64]
     distance: float
+
+
+def pixel_rows(rows: NDArray[np.float64], camera: CameraIntrinsics) -> NDArray[np.float64]:
+    """(n, 3) rows K^-1: what rows (n, 3) say of a ray of the camera, for the pixel (x, y, 1)."""
+    x, y = rows[:, 0] / camera.fx, rows[:, 1] / camera.fy
+    return np.stack([x, y, rows[:, 2] - x * camera.cx - y * camera.cy], axis=1)
 
 
 @njit(cache=True, nogil=True)

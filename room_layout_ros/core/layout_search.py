@@ -65,12 +65,6 @@ def complete(tables: PairTables) -> NDArray[np.float64]:
     return _eliminate(tables[0], tables[2]) + _eliminate(tables[1], tables[3])
 
 
-def _complete_walls(tables: PairTables) -> NDArray[np.float64]:
-    """(n3, n4): the least cost of a layout with each left and right wall."""
-    upper, lower = _eliminate(turned(tables[0]), turned(tables[1])), _eliminate(turned(tables[2]), turned(tables[3]))
-    return upper + lower
-
-
 def _least(tables: PairTables, completed: NDArray[np.float64]) -> RankedLayout:
     i1, i2 = divmod(int(completed.argmin()), completed.shape[1])
     j3 = int((tables[0][i1] + tables[2][i2]).argmin())
@@ -80,7 +74,7 @@ def _least(tables: PairTables, completed: NDArray[np.float64]) -> RankedLayout:
 
 def min_marginals(tables: PairTables) -> StateCosts:
     """Return, for each state of ceiling, floor, left and right ray, the least cost of a layout that has it."""
-    over_walls, over_levels = complete(tables), _complete_walls(tables)
+    over_walls, over_levels = _completed(*tables)
     return over_walls.min(axis=1), over_walls.min(axis=0), over_levels.min(axis=1), over_levels.min(axis=0)
 
 
@@ -122,39 +116,61 @@ def diverse_layouts(tables: PairTables, count: int, distance: int = 4) -> list[R
     The first is the global minimum. The candidates are the best completions of every (y1, y2) and of every (y3, y4), so
     the costs are exact but a layout that is best for neither pair is not offered.
     """
-    levels, walls = complete(tables), _complete_walls(tables)
-    chosen = [_least(tables, levels)]
-    level_open, wall_open = np.ones(levels.shape, bool), np.ones(walls.shape, bool)
-    _close(level_open, chosen[0].layout[:2], distance)
-    _close(wall_open, chosen[0].layout[2:], distance)
-    while len(chosen) < count:
-        level_best = np.where(level_open, levels, np.inf)
-        wall_best = np.where(wall_open, walls, np.inf)
-        if not (level_open.any() or wall_open.any()):
-            break
-        if level_best.min() <= wall_best.min():
-            i1, i2 = (int(v) for v in np.unravel_index(int(level_best.argmin()), levels.shape))
-            layout = (
-                i1,
-                i2,
-                int((tables[0][i1] + tables[2][i2]).argmin()),
-                int((tables[1][i1] + tables[3][i2]).argmin()),
-            )
-            _close(level_open, layout[:2], distance)
-        else:
-            j3, j4 = (int(v) for v in np.unravel_index(int(wall_best.argmin()), walls.shape))
-            i1 = int((tables[0][:, j3] + tables[1][:, j4]).argmin())
-            i2 = int((tables[2][:, j3] + tables[3][:, j4]).argmin())
-            layout = (i1, i2, j3, j4)
-            _close(wall_open, layout[2:], distance)
-        if all(max(abs(a - b) for a, b in zip(layout, c.layout, strict=True)) > distance for c in chosen):
-            chosen.append(RankedLayout(layout, layout_energy(tables, layout)))
+    layouts, energies = _diverse(*tables, count, distance)
+    chosen = [RankedLayout(tuple(layout), e) for layout, e in zip(layouts.tolist(), energies.tolist(), strict=True)]
     return sorted(chosen, key=lambda ranked: ranked.energy)
 
 
-def _close(open_: NDArray[np.bool_], centre: tuple[int, ...], distance: int) -> None:
-    a, b = centre
-    open_[max(0, a - distance) : a + distance + 1, max(0, b - distance) : b + distance + 1] = False
+@njit(cache=True, nogil=True)
+def _completed(upper_left, upper_right, lower_left, lower_right):  # type: ignore[no-untyped-def]
+    """Least cost of a layout with each ceiling and floor (n1, n2), and with each left and right wall (n3, n4)."""
+    levels = np.empty((len(upper_left), len(lower_left)))
+    part = np.empty_like(levels)
+    min_plus(upper_left, np.ascontiguousarray(lower_left.T), levels)
+    min_plus(upper_right, np.ascontiguousarray(lower_right.T), part)
+    levels += part
+    walls = np.empty((upper_left.shape[1], upper_right.shape[1]))
+    rest = np.empty_like(walls)
+    min_plus(np.ascontiguousarray(upper_left.T), upper_right, walls)
+    min_plus(np.ascontiguousarray(lower_left.T), lower_right, rest)
+    walls += rest
+    return levels, walls
+
+
+@njit(cache=True, nogil=True)
+def _diverse(upper_left, upper_right, lower_left, lower_right, count, distance):  # type: ignore[no-untyped-def]
+    """(n, 4) layouts in the order found, and their energies."""
+    levels, walls = _completed(upper_left, upper_right, lower_left, lower_right)
+    layouts, energies, n = np.empty((count, 4), np.int64), np.empty(count), 0
+    while n < count:
+        level, wall = levels.argmin(), walls.argmin()
+        least_level, least_wall = levels.flat[level], walls.flat[wall]
+        if min(least_level, least_wall) == np.inf:  # all are near a chosen one
+            break
+        if n == 0 or least_level <= least_wall:
+            i1, i2 = level // levels.shape[1], level % levels.shape[1]
+            j3, j4 = (upper_left[i1] + lower_left[i2]).argmin(), (upper_right[i1] + lower_right[i2]).argmin()
+        else:
+            j3, j4 = wall // walls.shape[1], wall % walls.shape[1]
+            i1 = (upper_left[:, j3] + upper_right[:, j4]).argmin()
+            i2 = (lower_left[:, j3] + lower_right[:, j4]).argmin()
+        if n == 0 or least_level <= least_wall:
+            _close(levels, i1, i2, distance)
+        if n == 0 or not least_level <= least_wall:
+            _close(walls, j3, j4, distance)
+        layouts[n, 0], layouts[n, 1], layouts[n, 2], layouts[n, 3] = i1, i2, j3, j4
+        energies[n] = upper_left[i1, j3] + upper_right[i1, j4] + lower_left[i2, j3] + lower_right[i2, j4]
+        far = True
+        for c in range(n):
+            far = far and np.abs(layouts[n] - layouts[c]).max() > distance
+        n += int(far)
+    return layouts[:n], energies[:n]
+
+
+@njit(cache=True, nogil=True)
+def _close(costs, a, b, distance):  # type: ignore[no-untyped-def]
+    """Leave out what is near a pair of states."""
+    costs[max(0, a - distance) : a + distance + 1, max(0, b - distance) : b + distance + 1] = np.inf
 
 
 def turned(table: NDArray[np.float64]) -> NDArray[np.float64]:

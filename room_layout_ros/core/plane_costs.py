@@ -8,11 +8,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .depth_profiles import curve_positions, read_curve_at
+from .depth_profiles import curve_position, read_curve_at
 from .energies import JointProblem
 from .labels import FRONT_WALL
 from .layout_search import Layout, StateCosts
-from .ray_grid import N_SIDES, SIDE_FACE
+from .ray_grid import SIDE_FACE
 from .weights import ModelWeights
 
 _FRONT = FRONT_WALL - 1
@@ -51,17 +51,29 @@ class PlaneCosts:
 def plane_costs(problem: JointProblem, weights: ModelWeights) -> PlaneCosts:
     """Return support, violation and absence of the planes, and the cost of the front axis (`with_fit` adds more)."""
     grid, scales = problem.counts.grid, problem.scales
-    starts = np.concatenate([[0], np.cumsum(grid.state_counts)])
-    sides = np.zeros((len(scales), starts[-1]))
-    sides[:, starts[1:] - 1] = weights.block("face_absent")  # the last state of a side
-    states = np.concatenate([grid.side_states(side) for side in range(N_SIDES)])
-    constant = np.full(len(scales), float(weights.block("front_axis")[0]) * problem.front_axis)
-    alone = PlaneCosts(sides, starts, constant, curve_positions(states * scales[:, None]), curve_positions(scales))
+    front = float(weights.block("front_axis")[0]) * problem.front_axis
+    alone = PlaneCosts(*_alone(grid.states, grid.state_counts, scales, weights.block("face_absent"), front))
     if problem.profiles is None:
         return alone
     support, violation = weights.block("plane_support"), weights.block("plane_violation")
     curves = support[:, None] * problem.profiles.support + violation[:, None] * problem.profiles.violation
     return _with_curves(alone, curves, np.zeros(len(curves)))
+
+
+@njit(cache=True, nogil=True)
+def _alone(states, counts, scales, absent, front):  # type: ignore[no-untyped-def]
+    """Costs that depend on no depth, and where the planes lie."""
+    starts = np.zeros(5, np.int64)
+    starts[1:] = np.cumsum(counts)
+    sides, positions = np.zeros((len(scales), starts[4])), np.empty((len(scales), starts[4]))
+    constant, front_positions = np.full(len(scales), front), np.empty(len(scales))
+    for c in range(len(scales)):
+        front_positions[c] = curve_position(scales[c])
+        for side in range(4):
+            for s in range(counts[side]):
+                positions[c, starts[side] + s] = curve_position(states[side, s] * scales[c])
+            sides[c, starts[side + 1] - 1] = absent[side]  # the last state of a side
+    return sides, starts, constant, positions, front_positions
 
 
 def with_fit(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .frame import CameraIntrinsics
 from .labels import CEILING, FLOOR, LEFT_WALL, RIGHT_WALL
-from .layout import RoomCuboid
+from .layout import RoomCuboid, is_rotation, pixel_rows
 
 QUADRANT_VERTICAL = (0, 0, 1, 1)
 """Side (0 ceiling y1, 1 floor y2) that bounds each quadrant vertically."""
@@ -69,8 +69,7 @@ class RayGrid:
     @property
     def ray_matrix(self) -> NDArray[np.float64]:
         """(3, 3) R K^-1: the ray (dx, dy, dz) in room axes of pixel (x, y, 1)."""
-        result: NDArray[np.float64] = self.R_room_camera @ np.linalg.inv(self.camera.matrix)
-        return result
+        return pixel_rows(self.R_room_camera, self.camera)
 
     def side_states(self, side: int) -> NDArray[np.float64]:
         """(n,) |y| of one side, ascending, the last +inf."""
@@ -136,51 +135,39 @@ def compute_ray_grid(
     if not 2 <= rays <= 400 or not 8 <= angle_bins <= 4096:
         raise ValueError(f"ray grid of {rays} rays and {angle_bins} angle bins; allowed are 2 to 400 and 8 to 4096")
     R = np.asarray(R_room_camera, dtype=np.float64)
-    if R.shape != (3, 3) or not np.abs(R @ R.T - np.eye(3)).max() < 1e-6:
+    if R.shape != (3, 3) or not is_rotation(R):
         raise ValueError(f"R_room_camera is {R.tolist()}; it must be a rotation matrix")
-    magnitudes, seen, angles, in_quadrant, on_side = _sample_rays(
-        R @ np.linalg.inv(camera.matrix), camera.width, camera.height
-    )
+    magnitudes, seen, angles, in_quadrant, on_side = _sample_rays(pixel_rows(R, camera), camera.width, camera.height)
     for side in range(N_SIDES):
         magnitudes[side, : seen[side]].sort()
     for q in range(N_QUADRANTS):
         angles[q, : in_quadrant[q]].sort()
+    return RayGrid(camera, R, *_place(magnitudes, seen, on_side, rays, angles, in_quadrant, angle_bins))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _place(magnitudes, seen, on_side, rays, angles, in_quadrant, angle_bins):  # type: ignore[no-untyped-def]
+    """What `RayGrid` holds besides camera and pose, from the sorted samples."""
     states, state_counts = _place_states(magnitudes, seen, 2 * rays * on_side // _SAMPLES**2)
     edges, bin_counts = _place_edges(angles, in_quadrant, angle_bins)
-    slopes = np.full((N_QUADRANTS, edges.shape[1] - 1), np.inf)
-    corners = []
-    for q in range(N_QUADRANTS):
-        n = int(bin_counts[q])
-        slopes[q, :n] = edges[q, :n] / (1.0 - edges[q, :n])
-        vertical, horizontal = QUADRANT_VERTICAL[q], QUADRANT_HORIZONTAL[q]
-        corners.append(
-            _corners(
-                states[vertical, : state_counts[vertical]],
-                states[horizontal, : state_counts[horizontal]],
-                edges[q, : n + 1],
-            )
-        )
-    return RayGrid(
-        camera=camera,
-        R_room_camera=R,
-        states=states,
-        state_counts=state_counts,
-        slopes=slopes,
-        edges=edges,
-        bin_counts=bin_counts,
-        corner_bin=tuple(c[0] for c in corners),
-        corner_share=tuple(c[1] for c in corners),
-    )
+    slopes = np.full((4, edges.shape[1] - 1), np.inf)
+    for q in range(4):
+        for t in range(bin_counts[q]):
+            slopes[q, t] = edges[q, t] / (1.0 - edges[q, t])
+    c0, s0 = _corners(states[0], state_counts[0], states[2], state_counts[2], edges[0], bin_counts[0])
+    c1, s1 = _corners(states[0], state_counts[0], states[3], state_counts[3], edges[1], bin_counts[1])
+    c2, s2 = _corners(states[1], state_counts[1], states[2], state_counts[2], edges[2], bin_counts[2])
+    c3, s3 = _corners(states[1], state_counts[1], states[3], state_counts[3], edges[3], bin_counts[3])
+    return states, state_counts, slopes, edges, bin_counts, (c0, c1, c2, c3), (s0, s1, s2, s3)
 
 
-@njit(cache=True, nogil=True)
-def _corners(vertical, horizontal, edges):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model="numpy")
+def _corners(vertical, n_i, horizontal, n_j, edges, n_t):  # type: ignore[no-untyped-def]
     """Angle bin and share of every corner t(i, j) = a_j / (a_i + a_j)."""
-    n_i, n_j = len(vertical), len(horizontal)
     bins = np.empty((n_i, n_j), np.int64)
     share = np.empty((n_i, n_j))
     for j in range(n_j):
-        t = len(edges) - 2
+        t = n_t - 1
         for i in range(n_i):  # t(i, j) falls as a_i grows
             if np.isinf(horizontal[j]):
                 corner = 0.5 if np.isinf(vertical[i]) else 1.0  # nothing lies beyond two absent faces
