@@ -182,21 +182,25 @@ def _place_row(m, y, first, step, rays, at, quadrant):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _beyond(first, limits, length, unit):  # type: ignore[no-untyped-def]
-    """Number of ascending limits, at least `first`, with length > limit * unit; one more is tried without a branch."""
-    b = np.uint32(first) + np.uint32(length > limits[first] * unit)
-    while length > limits[b] * unit:  # ends at the last, +inf
-        b += np.uint32(1)
-    return b
+def _beyond(table, place, limits, length, unit, bins):  # type: ignore[no-untyped-def]
+    """Bins: how many ascending limits have length > limit * unit. One past the table's is tried without a branch."""
+    for k in range(len(place)):
+        b = np.uint32(table[place[k]])
+        b += np.uint32(length[k] > limits[b] * unit[k])
+        while length[k] > limits[b] * unit[k]:  # ends at the last, +inf
+            b += np.uint32(1)
+        bins[k] = b
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _reached(first, limits, length, unit):  # type: ignore[no-untyped-def]
+def _reached(table, place, limits, length, unit, bins):  # type: ignore[no-untyped-def]
     """`_beyond` with length >= limit * unit."""
-    b = np.uint32(first) + np.uint32(length >= limits[first] * unit)
-    while length >= limits[b] * unit:
-        b += np.uint32(1)
-    return b
+    for k in range(len(place)):
+        b = np.uint32(table[place[k]])
+        b += np.uint32(length[k] >= limits[b] * unit[k])
+        while length[k] >= limits[b] * unit[k]:
+            b += np.uint32(1)
+        bins[k] = b
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -246,6 +250,7 @@ def _count(samples, number, step, shear, m, states, counts, slopes, bins):  # ty
     state_table, angle_table = _tables(states, counts, slopes, bins)
     angle_limits = _angle_limits(slopes, bins)
     rays, at, quadrant = np.empty((3, n)), np.empty((3, n), np.uint16), np.empty(n, np.uint8)
+    column, row, angle = np.empty(n, np.uint32), np.empty(n, np.uint32), np.empty(n, np.uint32)
     n_box, n_sector = np.uint64(0), np.uint64(0)
     for y in range(height):
         _place_row(m, y, (-shear * y) % step, step, rays, at, quadrant)
@@ -256,7 +261,9 @@ def _count(samples, number, step, shear, m, states, counts, slopes, bins):  # ty
                 last += 1
             side, level = 2 + (q & 1), q >> 1
             horizontal, vertical, dz = rays[0, first:last], rays[1, first:last], rays[2, first:last]
-            at_side, at_level, at_angle = at[0, first:last], at[1, first:last], at[2, first:last]
+            _beyond(state_table[side], at[0, first:last], states[side], horizontal, dz, column)
+            _beyond(state_table[level], at[1, first:last], states[level], vertical, dz, row)
+            _reached(angle_table[q], at[2, first:last], angle_limits[q], horizontal, vertical, angle)
             columns, angles = np.uint32(counts[side]), np.uint32(bins[q])
             box, sector = np.uint32(box_offset[q]), np.uint32(sector_offset[q])
             for k in range(last - first):
@@ -264,14 +271,13 @@ def _count(samples, number, step, shear, m, states, counts, slopes, bins):  # ty
                 if sample < 0:
                     continue
                 atom = np.uint32(number[sample])
-                j = _beyond(state_table[side, at_side[k]], states[side], horizontal[k], dz[k])
                 if dz[k] > 0.0:
-                    i = _beyond(state_table[level, at_level[k]], states[level], vertical[k], dz[k])
-                    n_box = _add(boxes, n_box, newest_box, np.uint32(box + i * columns + j), atom)
+                    cell = np.uint32(box + row[k] * columns + column[k])
+                    n_box = _add(boxes, n_box, newest_box, cell, atom)
                 else:
                     behind_pixels[atom, q] += 1.0
-                if j > 0:
-                    t = _reached(angle_table[q, at_angle[k]], angle_limits[q], horizontal[k], vertical[k])
-                    n_sector = _add(sectors, n_sector, newest_sector, np.uint32(sector + j * angles + t), atom)
+                if column[k] > 0:
+                    cell = np.uint32(sector + column[k] * angles + angle[k])
+                    n_sector = _add(sectors, n_sector, newest_sector, cell, atom)
     pixels, quadrants = _count_quadrants(boxes[:n_box], behind_pixels, box_offset)
     return pixels, quadrants, behind_pixels, boxes[:n_box], sectors[:n_sector]

@@ -48,11 +48,9 @@ class LabelProblem:
                 f"{self.edges.shape} edges with {self.pairwise.shape} costs; "
                 f"(E, 2) and (E, {labels}, {labels}) are needed"
             )
-        if len(self.edges) and not (
-            (self.edges[:, 0] < self.edges[:, 1]).all() and self.edges.min() >= 0 and self.edges.max() < nodes
-        ):
+        if not _rising(self.edges, nodes):
             raise ValueError(f"an edge is not (i, j) with 0 <= i < j < {nodes}")
-        if not (np.isfinite(self.unary).all() and np.isfinite(self.pairwise).all()):
+        if not (_finite(np.ravel(self.unary)) and _finite(np.ravel(self.pairwise))):
             raise ValueError("a labelling cost is not finite; all must be")
 
     def energy(self, labels: NDArray[np.int64]) -> float:
@@ -164,6 +162,23 @@ def _adjacency(nodes: int, edges: NDArray[np.int32]) -> tuple[NDArray[np.int64],
     """
     result: tuple[NDArray[np.int64], NDArray[np.uint32]] = _incident(nodes, edges)
     return result
+
+
+@njit(cache=True, nogil=True)
+def _rising(edges, nodes):  # type: ignore[no-untyped-def]
+    """Whether every edge is (i, j) with 0 <= i < j < nodes."""
+    rising = True
+    for e in range(len(edges)):
+        rising = rising and 0 <= edges[e, 0] < edges[e, 1] < nodes
+    return rising
+
+
+@njit(cache=True, nogil=True)
+def _finite(values):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for i in range(len(values)):
+        total += values[i] * 0.0  # NaN from the first that is not finite on
+    return total == 0.0
 
 
 @njit(cache=True, nogil=True)
