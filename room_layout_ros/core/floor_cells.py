@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .config import EstimatorConfig
 from .depth import DepthGeometry
 from .depth_holes import BRIDGED, MEASURED
-from .floor_plane import BAND_M, FloorFit, row_offset
+from .floor_plane import BAND_M, FloorFit
 
 NOTHING, FLOOR_PIXEL, OBSTACLE_PIXEL, WALL_PIXEL, HOLE_PIXEL, BEYOND_PIXEL = range(6)
 """Kinds of pixels: not measured or over the robot, floor, thing, wall of the room, below the floor, beyond a wall."""
@@ -25,7 +25,7 @@ NOTHING, FLOOR_PIXEL, OBSTACLE_PIXEL, WALL_PIXEL, HOLE_PIXEL, BEYOND_PIXEL = ran
 _ON_WALL_M = 0.02
 _ON_WALL_SIGMAS = 3.0
 _NEXT_TO_M = 0.02
-_FAR_M = 3.0
+_NEAR_M = 1.7
 _NEAR_GAIN = 1.5
 _LOW = 3.0
 """A thing is low up to this many thresholds: its pixels raise the mean height of the cells behind their foot."""
@@ -34,7 +34,6 @@ _BETWEEN_PIXELS = 1.5
 _MAX_BETWEEN_M = 0.10
 _PER_METRE, _STEPS = 50.0, 700
 _TINY = np.float32(1e-6)
-_RIPPLE_ROWS = 4
 
 
 (SEEN, HEIGHT, FLOOR_PIXELS, OBSTACLE, OBSTACLE_PIXELS, TOUCHED, NEAREST, FARTHEST, HOLE, BRIDGE, BLIND) = range(11)
@@ -97,7 +96,7 @@ def sum_floor_cells(
     c = geometry.camera
     sums, kind, cell = _sum_cells(
         geometry.inverse_depth, hole_kind, (c.fx, c.fy, c.cx, c.cy), T_camera_floor,
-        (fit.distance_m, fit.sigma_m, fit.offset_m), walls, (*origin, size), (rows, cols),
+        (fit.distance_m, fit.sigma_m), walls, (*origin, size), (rows, cols),
         (config.obstacle_min_height_m, config.obstacle_noise_factor, config.robot_height_m),
     )  # fmt: skip
     return FloorCells(size, origin, sums, kind, cell)
@@ -112,23 +111,20 @@ def band_sigma(sigma, z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _noise_tables(sigma, lowest, factor):  # type: ignore[no-untyped-def]
-    """Noise of the height, and height from which on a pixel is a thing, per step of depth."""
-    noise, threshold = np.empty(_STEPS), np.empty(_STEPS)
+def _noise_table(sigma):  # type: ignore[no-untyped-def]
+    """Noise of the height per step of depth."""
+    noise = np.empty(_STEPS)
     for k in range(_STEPS):
-        z = (k + 0.5) / _PER_METRE
-        noise[k] = band_sigma(sigma, z)
-        # Near the camera a thing covers many more pixels than a ripple of the noise: a lower threshold does.
-        threshold[k] = max(lowest, (factor - min(max(_FAR_M - z, 0.0), _NEAR_GAIN)) * noise[k])
-    return noise, threshold
+        noise[k] = band_sigma(sigma, (k + 0.5) / _PER_METRE)
+    return noise
 
 
 @njit(cache=True, nogil=True)
-def _row_heights(inverse, ripple, distance, rise, rise_per_px, depth, high):  # type: ignore[no-untyped-def]
+def _row_heights(inverse, distance, rise, rise_per_px, depth, high):  # type: ignore[no-untyped-def]
     """Write depth and height over the floor of a row of pixels; by itself so that it runs on vectors."""
     for u in range(len(inverse)):
         depth[u] = np.float32(1.0) / (inverse[u] if inverse[u] > _TINY else _TINY)
-        high[u] = distance + (rise + rise_per_px * np.float32(u)) * depth[u] - ripple[u]
+        high[u] = distance + (rise + rise_per_px * np.float32(u)) * depth[u]
 
 
 @njit(cache=True, nogil=True)
@@ -142,7 +138,7 @@ def _row_inside(depth, reach, out, out_per_px, inside):  # type: ignore[no-untyp
 @njit(cache=True, nogil=True)
 def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, limits):  # type: ignore[no-untyped-def]
     fx, fy, cx, cy = intrinsics
-    distance, sigma, offset = fit
+    distance, sigma = fit
     x0, y0, size = corner
     rows, cols = shape
     lowest, factor, highest = limits
@@ -156,11 +152,8 @@ def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, lim
     per_pixel = np.float32(1.0 / (fx * fy * size * size))
     per_metre = 1.0 / size
     reach = _NEXT_TO_M * per_metre
-    noise_at, threshold_at = _noise_tables(sigma, lowest, factor)
-    ripple, depth, high, inside = (
-        np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32),
-        np.empty(width, np.float32),
-    )  # fmt: skip
+    noise_at = _noise_table(sigma)
+    depth, high, inside = (np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32))
     i0, i1, j0, j1, run = 0, -1, 0, -1, 0.0
     for v in range(height):
         ry = (v - cy) / fy
@@ -168,9 +161,7 @@ def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, lim
         ax0, ax1 = T[1, 0] * ry + T[2, 0] - T[0, 0] * cx / fx, T[0, 0] / fx
         ay0, ay1 = T[1, 1] * ry + T[2, 1] - T[0, 1] * cx / fx, T[0, 1] / fx
         az0, az1 = T[1, 2] * ry + T[2, 2] - T[0, 2] * cx / fx, T[0, 2] / fx
-        if v % _RIPPLE_ROWS == 0:
-            row_offset(offset, v, ripple)
-        _row_heights(inverse[v], ripple, np.float32(distance), np.float32(az0), np.float32(az1), depth, high)
+        _row_heights(inverse[v], np.float32(distance), np.float32(az0), np.float32(az1), depth, high)
         inside[:] = np.inf
         for k in range(len(walls)):
             a, b = walls[k, 0], walls[k, 1]
@@ -189,9 +180,13 @@ def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, lim
             if h > highest or inverse[v, u] <= 0.0:
                 continue
             step = min(int(z * _PER_METRE), _STEPS - 1)
-            threshold = threshold_at[step]
+            noise = noise_at[step]
+            x, y = (ax0 + ax1 * u) * z, (ay0 + ay1 * u) * z
+            # Near the camera a thing covers many more pixels than a ripple of the noise: a lower threshold does.
+            near = x * x + y * y < _NEAR_M * _NEAR_M
+            threshold = max(lowest, (factor - _NEAR_GAIN if near else factor) * noise)
             if h > threshold:
-                tolerance = _ON_WALL_M + _ON_WALL_SIGMAS * noise_at[step] * z / distance
+                tolerance = _ON_WALL_M + _ON_WALL_SIGMAS * noise * z / distance
                 if inside[u] < tolerance:
                     kind[v, u] = WALL_PIXEL if inside[u] >= -tolerance else BEYOND_PIXEL
                     continue
@@ -201,7 +196,7 @@ def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, lim
                     continue
                 what = FLOOR_PIXEL if h > -threshold else HOLE_PIXEL
                 z = -distance / az
-            x, y = (ax0 + ax1 * u) * z, (ay0 + ay1 * u) * z
+                x, y = (ax0 + ax1 * u) * z, (ay0 + ay1 * u) * z
             kind[v, u] = what
             across, ahead = (y - y0) * per_metre, (x - x0) * per_metre
             i, j = int(np.floor(across)), int(np.floor(ahead))

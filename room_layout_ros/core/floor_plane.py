@@ -28,12 +28,21 @@ TILE_PX = 64
 
 _BANDS = 24
 _STRIDE = 2
-_PASSES_M = ((0.10, 4), (0.05, 4), (0.03, 4), (0.03, 2))
+_PASSES_M = ((0.10, 4), (0.04, 4), (0.03, 2))
 """Half width of the band around the plane and pixel step of each pass."""
 
 _GATHER_M = 0.35
 """Pixels farther above or below the start are no floor, however wrong the start is."""
 
+_LOWER_FROM_M, _LOWER_LAYER_M, _LOWER_LAYERS = 0.25, 0.05, 40
+_LOWER_PART, _LOWER_SHARE = 6, 0.003
+"""A level layer below the floor, in the lowest sixth of the picture and of this share of it, is the floor."""
+
+_CARRY_ROUNDS = 30
+_CARRY_TO_ZERO = 0.3
+"""Beyond the floor the slow error is taken to be that of the nearest floor, less by so much over four per tile."""
+
+_FARTHEST = np.float32(0.01)
 _CLUTTER_WEIGHT = 0.3
 _MIN_SIGMA_M = 0.002
 _MIN_BAND_PIXELS = 40
@@ -81,7 +90,8 @@ class FloorFit:
     ----------
     normal : (3,) float64 unit vector down, camera frame. distance_m : height of the camera over it.
     sigma_m : (24,) float64 standard deviation of the height of floor pixels, per `BAND_M` of depth Z.
-    offset_m : (rows, cols) float64 height that the sensor gives to the floor in each tile of `TILE_PX`: its slow error.
+    bias : (rows, cols) float64, 1/m, slow error of the inverse depth in the middle of each tile of `TILE_PX`, measured
+        on the floor and smoothly carried on beyond it.
     pixels : how many support it (0: taken over from the prior as it is).
     source : of the start, with "+depth" where the depth image refined it.
     """
@@ -89,7 +99,7 @@ class FloorFit:
     normal: NDArray[np.float64]
     distance_m: float
     sigma_m: NDArray[np.float64]
-    offset_m: NDArray[np.float64]
+    bias: NDArray[np.float64]
     pixels: int
     source: str
 
@@ -133,12 +143,14 @@ def fit_floor(
         if support < least:
             return None if prior is None or np.isnan(prior.distance_m) else _as_given(prior, camera)
         plane = np.linalg.solve(sums[:, :3], sums[:, 3])
+    if prior is None and _stands_on_lower(geometry.inverse_depth, intrinsics, plane):
+        return None
     length = float(np.linalg.norm(plane))
     flat = np.zeros(_tiles(camera.height, camera.width))
     sigma = _sigma_bands(_heights(pixels[:coarse], intrinsics, plane, flat), 1.0 / length)
-    offset = _offsets(pixels, intrinsics, plane, sigma, flat.shape)
-    sigma = _sigma_bands(_heights(pixels, intrinsics, plane, offset), 1.0 / length)
-    return FloorFit(plane / length, 1.0 / length, sigma, offset, support, f"{start.source}+depth")
+    bias = _bias(pixels, intrinsics, plane, sigma, flat.shape)
+    sigma = _sigma_bands(_heights(pixels, intrinsics, plane, bias), 1.0 / length)
+    return FloorFit(plane / length, 1.0 / length, sigma, bias, support, f"{start.source}+depth")
 
 
 def _from_cuboid(estimate: RoomEstimate) -> FloorPlane | None:
@@ -166,16 +178,28 @@ def _tiles(height: int, width: int) -> tuple[int, int]:
     return -(-height // TILE_PX), -(-width // TILE_PX)
 
 
-def _sigma_bands(counts: NDArray[np.int64], height: float) -> NDArray[np.float64]:
+@njit(cache=True, nogil=True)
+def _sigma_bands(counts, height):  # type: ignore[no-untyped-def]
     """Standard deviation per band from the median |height|; bands without floor follow the model of the noise."""
-    z = (np.arange(_BANDS) + 0.5) * BAND_M
-    model = np.asarray(depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC)) * height / z
-    total = counts.sum(axis=1)
-    enough = total >= _MIN_BAND_PIXELS
-    median = (np.argmax(np.cumsum(counts, axis=1) >= 0.5 * total[:, None], axis=1) + 0.5) * _HISTOGRAM_M
-    measured = _MAD_TO_SIGMA * median
-    ratio = float(np.median(measured[enough] / model[enough])) if enough.any() else 1.0
-    return np.maximum(np.where(enough, measured, ratio * model), _MIN_SIGMA_M)
+    sigma, ratio = np.full(_BANDS, np.nan), np.full(_BANDS, np.nan)
+    for band in range(_BANDS):
+        z = (band + 0.5) * BAND_M
+        model = depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) * height / z
+        total = counts[band].sum()
+        if total >= _MIN_BAND_PIXELS:
+            below, k = counts[band, 0], 0
+            while below < 0.5 * total:
+                k += 1
+                below += counts[band, k]
+            sigma[band] = _MAD_TO_SIGMA * (k + 0.5) * _HISTOGRAM_M
+            ratio[band] = sigma[band] / model
+    usual = np.nanmedian(ratio) if np.isfinite(ratio).any() else 1.0
+    for band in range(_BANDS):
+        if np.isnan(sigma[band]):
+            z = (band + 0.5) * BAND_M
+            sigma[band] = usual * depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) * height / z
+        sigma[band] = max(sigma[band], _MIN_SIGMA_M)
+    return sigma
 
 
 @njit(cache=True, nogil=True)
@@ -255,56 +279,64 @@ def _between_tiles(pixel, tiles):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def row_offset(offset, v, row):  # type: ignore[no-untyped-def]
-    """Write the floor's offset at all pixels of an image row into `row`, bilinear between the middles of the tiles."""
-    i, m, p = _between_tiles(v, offset.shape[0])
-    for u in range(len(row)):
-        j, n, q = _between_tiles(u, offset.shape[1])
-        top = offset[i, j] + q * (offset[i, n] - offset[i, j])
-        row[u] = top + p * (offset[m, j] + q * (offset[m, n] - offset[m, j]) - top)
+def _stands_on_lower(inverse, intrinsics, plane):  # type: ignore[no-untyped-def]
+    """Whether the picture shows lower floor nearer than the plane's: the plane is a bed's or a table's top."""
+    fx, fy, cx, cy = intrinsics
+    height, width = inverse.shape
+    layers = np.zeros(_LOWER_LAYERS, np.int64)
+    d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
+    for v in range(height - height // _LOWER_PART, height, _STRIDE):
+        for u in range(0, width, _STRIDE):
+            if inverse[v, u] > 0.0:
+                z = 1.0 / inverse[v, u]
+                h = d * (1.0 - (plane[0] * ((u - cx) / fx) + plane[1] * ((v - cy) / fy) + plane[2]) * z)
+                k = int((-h - _LOWER_FROM_M) / _LOWER_LAYER_M)
+                if h < -_LOWER_FROM_M and k < _LOWER_LAYERS:
+                    layers[k] += _STRIDE * _STRIDE
+    return (layers[1:] + layers[:-1]).max() >= _LOWER_SHARE * height * width
 
 
 @njit(cache=True, nogil=True)
-def _heights(pixels, intrinsics, plane, offset):  # type: ignore[no-untyped-def]
+def _heights(pixels, intrinsics, plane, bias):  # type: ignore[no-untyped-def]
     """Count |height| of pixels at or below the floor in mm bins, per distance band: things only stand above it."""
     fx, fy, cx, cy = intrinsics
     counts = np.zeros((_BANDS, _HISTOGRAM_BINS), np.int64)
     d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
     for k in range(len(pixels)):
-        u, v, z = pixels[k, 0], pixels[k, 1], 1.0 / pixels[k, 2]
-        i, m, p = _between_tiles(v, offset.shape[0])
-        j, n, q = _between_tiles(u, offset.shape[1])
-        top = offset[i, j] + q * (offset[i, n] - offset[i, j])
-        slow = top + p * (offset[m, j] + q * (offset[m, n] - offset[m, j]) - top)
-        h = d * (1.0 - (plane[0] * ((u - cx) / fx) + plane[1] * ((v - cy) / fy) + plane[2]) * z) - slow
+        u, v = pixels[k, 0], pixels[k, 1]
+        i, m, p = _between_tiles(v, bias.shape[0])
+        j, n, q = _between_tiles(u, bias.shape[1])
+        top = bias[i, j] + q * (bias[i, n] - bias[i, j])
+        slow = top + p * (bias[m, j] + q * (bias[m, n] - bias[m, j]) - top)
+        z = 1.0 / (pixels[k, 2] - slow)
+        h = d * (1.0 - (plane[0] * ((u - cx) / fx) + plane[1] * ((v - cy) / fy) + plane[2]) * z)
         bin_, band = int(-h / _HISTOGRAM_M), int(z / BAND_M)
-        if h <= 0.0 and bin_ < _HISTOGRAM_BINS and band < _BANDS:
+        if h <= 0.0 and bin_ < _HISTOGRAM_BINS and 0 <= band < _BANDS:
             counts[band, bin_] += 1
     return counts
 
 
 @njit(cache=True, nogil=True)
-def _offsets(pixels, intrinsics, plane, sigma, shape):  # type: ignore[no-untyped-def]
-    """Median height of the floor pixels within three sigma, per tile; at most one sigma, 0 where there are few."""
+def _bias(pixels, intrinsics, plane, sigma, shape):  # type: ignore[no-untyped-def]
+    """Median error of the inverse depth of the floor pixels within three sigma, per tile, carried on smoothly."""
     fx, fy, cx, cy = intrinsics
     rows, cols = shape
     counts = np.zeros((rows, cols, 2 * _HISTOGRAM_BINS), np.int32)
-    heights = np.zeros((rows, cols, 2 * _HISTOGRAM_BINS))
+    errors = np.zeros((rows, cols, 2 * _HISTOGRAM_BINS))
     total = np.zeros((rows, cols), np.int64)
-    noise = np.zeros((rows, cols))
     d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
     for n in range(len(pixels)):
-        u, v, z = pixels[n, 0], pixels[n, 1], 1.0 / pixels[n, 2]
-        s = sigma[min(int(z / BAND_M), _BANDS - 1)]
-        h = d * (1.0 - (plane[0] * ((u - cx) / fx) + plane[1] * ((v - cy) / fy) + plane[2]) * z)
+        u, v, w = pixels[n, 0], pixels[n, 1], pixels[n, 2]
+        s = sigma[min(int(1.0 / (w * BAND_M)), _BANDS - 1)]
+        error = w - (plane[0] * ((u - cx) / fx) + plane[1] * ((v - cy) / fy) + plane[2])
+        h = d * error / w
         if abs(h) < 3.0 * s:
             i, j = int(v) // TILE_PX, int(u) // TILE_PX
             k = min(max(int(h / _HISTOGRAM_M + _HISTOGRAM_BINS), 0), 2 * _HISTOGRAM_BINS - 1)
             counts[i, j, k] += 1
-            heights[i, j, k] += h
+            errors[i, j, k] += error
             total[i, j] += 1
-            noise[i, j] += s
-    result = np.zeros((rows, cols))
+    measured = np.full((rows, cols), np.nan)
     for i in range(rows):
         for j in range(cols):
             if total[i, j] >= _MIN_TILE_PIXELS:
@@ -312,6 +344,47 @@ def _offsets(pixels, intrinsics, plane, sigma, shape):  # type: ignore[no-untype
                 while below + counts[i, j, k] < 0.5 * total[i, j]:
                     below += counts[i, j, k]
                     k += 1
-                most = noise[i, j] / total[i, j]
-                result[i, j] = min(max(heights[i, j, k] / counts[i, j, k], -most), most)
-    return result
+                measured[i, j] = errors[i, j, k] / counts[i, j, k]
+    return _carried_on(measured)
+
+
+@njit(cache=True, nogil=True)
+def _carried_on(measured):  # type: ignore[no-untyped-def]
+    """Fill tiles without a value (NaN) by what surrounds them, drawn to 0 with distance from those that have one."""
+    rows, cols = measured.shape
+    field = np.where(np.isnan(measured), 0.0, measured)
+    for _ in range(_CARRY_ROUNDS):
+        for i in range(rows):
+            for j in range(cols):
+                if np.isnan(measured[i, j]):
+                    total, weight = 0.0, _CARRY_TO_ZERO
+                    for m, n in ((i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)):
+                        if 0 <= m < rows and 0 <= n < cols:
+                            total += field[m, n]
+                            weight += 1.0
+                    field[i, j] = total / weight
+    return field
+
+
+def remove_bias(inverse_depth: NDArray[np.float32], bias: NDArray[np.float64]) -> None:
+    """Take the slow error of the sensor (`FloorFit.bias`) off the inverse depth (H, W) in place; 0 stays 0."""
+    _remove(inverse_depth, bias)
+
+
+@njit(cache=True, nogil=True)
+def _remove(inverse, bias):  # type: ignore[no-untyped-def]
+    height, width = inverse.shape
+    column = np.empty(bias.shape[1], np.float32)
+    before, after = np.empty(width, np.int32), np.empty(width, np.int32)
+    share, slow = np.empty(width, np.float32), np.empty(width, np.float32)
+    for u in range(width):
+        before[u], after[u], share[u] = _between_tiles(u, bias.shape[1])
+    for v in range(height):
+        i, m, p = _between_tiles(v, bias.shape[0])
+        for j in range(bias.shape[1]):
+            column[j] = bias[i, j] + p * (bias[m, j] - bias[i, j])
+        for u in range(width):
+            slow[u] = column[before[u]] + share[u] * (column[after[u]] - column[before[u]])
+        for u in range(width):
+            w = inverse[v, u]
+            inverse[v, u] = max(w - slow[u], _FARTHEST) if w > 0.0 else w

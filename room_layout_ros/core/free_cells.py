@@ -47,7 +47,7 @@ _MIN_BAND_CELLS = 10
 _LOW_SHARE = 0.6
 _LOW_SIGMAS = 4.0
 _DOUBT_HEIGHT_SHARE = 0.5
-_DOUBT_SIGMAS = 2.5
+_DOUBT_SIGMAS = 3.0
 _PATCH_SHARE = 0.2
 _TOUCH_SHARE = 0.1
 _DOUBT_SHARE = 0.8
@@ -57,8 +57,8 @@ _STRAY_SIGMAS = 3.0
 """The few pixels of a cell beside a thing may lie this much before their true place."""
 
 _BEHIND_SIGMAS = 2.0
-_SURE_M = 0.01
-"""The nearest of many pixels lies before the thing: one deviation of the noise is taken off, but for this much."""
+_SURE_SIGMAS, _SURE_M = 0.75, 0.01
+"""The nearest of many pixels lies before the thing: part of the noise's deviation is taken off, but for this much."""
 
 _BEHIND_WALL_CELLS = 3
 _MARGIN_CELLS = 0.15
@@ -272,7 +272,7 @@ def _decide(sums, corner, thing, height, sigma, walls, half_view, focal, fit, li
             stands = thing[i, j] or hole or raised or gap
             if stands or (beside and cell[OBSTACLE_PIXELS] > 0):
                 at = cell[NEAREST] if cell[NEAREST] < np.inf else r - 0.5 * size
-                sure = max(noise - _SURE_M, 0.0) if thing[i, j] else 0.0
+                sure = max(_SURE_SIGMAS * noise - _SURE_M, 0.0) if thing[i, j] else 0.0
                 nearest[i, j] = at + (sure if stands else _STRAY_SIGMAS * noise)
             if thing[i, j]:
                 farthest[i, j] = cell[FARTHEST] + _BEHIND_SIGMAS * noise

@@ -18,7 +18,7 @@ from .depth_holes import close_holes
 from .estimate import RoomEstimate
 from .floor_cells import FLOOR_PIXEL, OBSTACLE_PIXEL, FloorCells, sum_floor_cells
 from .floor_frame import floor_frame, room_outline, walls_on_floor
-from .floor_plane import FloorPlane, fit_floor
+from .floor_plane import FloorPlane, fit_floor, remove_bias
 from .frame import CameraIntrinsics
 from .free_cells import FREE_CELL, OCCUPIED_CELL, UNKNOWN_CELL, decide_cells, floor_levels, occupied_cells
 from .overhang import hide_overhung
@@ -92,16 +92,19 @@ def compute_free_space(
         return None
     T_camera_floor = floor_frame(fit.normal, fit.distance_m)
     walls = walls_on_floor(estimate.cuboid if estimate.metric else None, T_camera_floor)
-    walls = refine_walls(geometry, estimate, T_camera_floor, walls)
-    barriers = walls[:0] if config.free_beyond_walls else walls
     holes = close_holes(geometry.inverse_depth, estimate.labels, color)
+    remove_bias(holes.inverse_depth, fit.bias)
     closed = replace(geometry, inverse_depth=holes.inverse_depth)
+    walls = refine_walls(closed, estimate, T_camera_floor, walls)
+    barriers = walls[:0] if config.free_beyond_walls else walls
     cells = sum_floor_cells(closed, holes.kind, fit, T_camera_floor, barriers, config)
     levels = floor_levels(cells)
     thing = occupied_cells(cells, levels, config)
     camera, corner = geometry.camera, cells.corner
     grid = decide_cells(cells, levels, thing, fit, barriers, _half_view(camera), camera.fx, config)
-    hide_overhung(grid, holes.inverse_depth, camera, T_camera_floor, corner, config.robot_height_m)
+    hide_overhung(
+        grid, holes.inverse_depth, camera, T_camera_floor, corner, config.robot_height_m, config.obstacle_margin_m
+    )
     size, (x0, y0) = cells.resolution_m, cells.origin_m
     box = (x0, y0, x0 + grid.shape[1] * size, y0 + grid.shape[0] * size)
     return FreeSpace(

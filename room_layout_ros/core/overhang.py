@@ -10,7 +10,7 @@ from .frame import CameraIntrinsics
 
 _STEP_M, _STEPS = 0.05, 24
 _MIN_HIDDEN = 4
-_COVER_M = (0.08, 0.6)
+_COVER_M = (0.08, 0.5)
 """What stands this far before the space above a cell hides what may hang there."""
 
 _CUT_M = -0.15
@@ -24,6 +24,7 @@ def hide_overhung(
     T_camera_floor: NDArray[np.float64],
     corner: tuple[float, float, float],
     robot_height_m: float,
+    margin_m: float,
 ) -> None:
     """Make free cells unknown where a thing hides the space above one of their corners, up to the robot's height.
 
@@ -31,16 +32,17 @@ def hide_overhung(
     ----------
     grid : (rows, cols) int8, changed in place. inverse_depth : (H, W) float32, 0 where nothing was measured.
     corner : x and y of the lower corner of cell (0, 0), and the side of a cell; m.
+    margin_m : cells this near before a thing are not free; where that place is beside the picture, it is looked at too.
     """
     intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
-    _hide(grid, inverse_depth, intrinsics, T_camera_floor, corner, robot_height_m)
+    _hide(grid, inverse_depth, intrinsics, T_camera_floor, corner, robot_height_m, margin_m)
 
 
 @njit(cache=True, nogil=True)
-def _hide(grid, inverse, intrinsics, T, corner, robot_height):  # type: ignore[no-untyped-def]
+def _hide(grid, inverse, intrinsics, T, corner, robot_height, margin):  # type: ignore[no-untyped-def]
     """Free cells become unknown where a thing hides the space above one of their corners (a chair's seat)."""
     rows, cols = grid.shape
-    covered = _covered(grid, inverse, intrinsics, T, corner, robot_height)
+    covered = _covered(grid, inverse, intrinsics, T, corner, robot_height, margin)
     for i in range(rows):
         for j in range(cols):
             hidden = covered[i, j] or covered[i + 1, j] or covered[i, j + 1] or covered[i + 1, j + 1]
@@ -49,7 +51,7 @@ def _hide(grid, inverse, intrinsics, T, corner, robot_height):  # type: ignore[n
 
 
 @njit(cache=True, nogil=True)
-def _covered(grid, inverse, intrinsics, T, corner, robot_height):  # type: ignore[no-untyped-def]
+def _covered(grid, inverse, intrinsics, T, corner, robot_height, margin):  # type: ignore[no-untyped-def]
     """Corners (rows + 1, cols + 1) of free cells over which something nearer hides part of the space."""
     fx, fy, cx, cy = intrinsics
     x0, y0, size = corner
@@ -66,6 +68,13 @@ def _covered(grid, inverse, intrinsics, T, corner, robot_height):  # type: ignor
             if not near:
                 continue
             x, y, hidden = x0 + j * size, y0 + i * size, 0
+            # What the picture's side cuts off may stand within the margin behind the corner.
+            r = np.sqrt(x * x + y * y) + 1e-9
+            bx, by = x * (1.0 + margin / r), y * (1.0 + margin / r)
+            bz = T[2, 0] * bx + T[2, 1] * by + T[2, 3]
+            bu = (T[0, 0] * bx + T[0, 1] * by + T[0, 3]) / max(bz, 0.1) * fx + cx
+            if bu < 0 or bu > width - 1:
+                x, y = bx, by
             px, py = T[0, 0] * x + T[0, 1] * y + T[0, 3], T[1, 0] * x + T[1, 1] * y + T[1, 3]
             pz = T[2, 0] * x + T[2, 1] * y + T[2, 3]
             for k in range(1, steps + 1):

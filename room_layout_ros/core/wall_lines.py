@@ -1,5 +1,8 @@
 """The walls at the height of a robot: where most of the wall's length is, not most of its pixels.
 
+Then the wall settles on the median of its lower part, whose depth was set right by the floor beside it
+(`floor_plane.remove_bias`).
+
 A cuboid's wall follows the pixels, and the nearest metre of a wall has more of them than all the rest: in a corridor
 a door recess beside the camera pulls the plane. On the floor every decimetre of the wall's length has one vote.
 """
@@ -23,6 +26,11 @@ _STRIDE = 2
 _MIN_SLICE_PIXELS = 8
 _MIN_SLICES = 6
 _CLEAR_WIN = 1.4
+_FINE_M, _SETTLE_M = 0.005, 0.06
+_FOOT_M = 0.6
+"""The lower part of a wall reaches up to here: farther from the floor its depth is not known to be right."""
+
+_MIN_FOOT_PIXELS = 150
 
 
 def refine_walls(
@@ -44,21 +52,35 @@ def refine_walls(
         return moved
     wall_of = np.full(max(FACES) + 1, -1, np.int64)
     wall_of[[FACES[int(k)] for k in walls[:, 3]]] = np.arange(len(walls))
-    every = _slice_votes(
+    every, feet = _slice_votes(
         geometry.inverse_depth, estimate.labels, wall_of, (c.fx, c.fy, c.cx, c.cy), T_camera_floor, walls
     )
-    for row, votes in zip(moved, every, strict=True):
+    for row, votes, foot in zip(moved, every, feet, strict=True):
+        inwards = 0.0
         smooth = np.convolve(votes, (0.5, 1.0, 0.5), mode="same")
         best, here = int(np.argmax(smooth)), len(votes) // 2
         if smooth[best] >= _MIN_SLICES and smooth[best] > _CLEAR_WIN * smooth[here - 2 : here + 3].max():
             near = slice(max(best - 1, 0), best + 2)
-            row[2] -= (float(np.average(np.arange(len(votes))[near], weights=votes[near])) - here) * _BIN_M
+            inwards = (float(np.average(np.arange(len(votes))[near], weights=votes[near])) - here) * _BIN_M
+        row[2] -= _settled(foot, inwards)
     return moved
+
+
+def _settled(foot: NDArray[np.int64], inwards_m: float) -> float:
+    """Distance in m from the cuboid's wall to the median of its lower part around the line `inwards_m` before it."""
+    middle = len(foot) // 2
+    low = max(middle + round((inwards_m - _SETTLE_M) / _FINE_M), 0)
+    near = np.cumsum(foot[low : middle + round((inwards_m + _SETTLE_M) / _FINE_M) + 1])
+    if not len(near) or near[-1] < _MIN_FOOT_PIXELS:
+        return inwards_m
+    return (low + int(np.searchsorted(near, 0.5 * near[-1])) - middle) * _FINE_M
 
 
 @njit(cache=True, nogil=True)
 def _slice_votes(inverse, labels, wall_of, intrinsics, T, walls):  # type: ignore[no-untyped-def]
     """Votes (walls, bins) per distance before a wall (middle bin: on it): one per slice along it, for its fullest bin.
+
+    And the pixels (walls, fine bins) of its lower part per distance before it.
 
     `wall_of` is the row of `walls` per label, -1 where a label is no wall.
     """
@@ -66,6 +88,8 @@ def _slice_votes(inverse, labels, wall_of, intrinsics, T, walls):  # type: ignor
     half = int(_REACH_M / _BIN_M)
     slices, bins = int(2 * _LONGEST_M / _SLICE_M), 2 * half + 1
     counts = np.zeros((len(walls), slices, bins), np.int32)
+    fine = 2 * int(_REACH_M / _FINE_M) + 1
+    feet = np.zeros((len(walls), fine), np.int64)
     distance = T[0, 3] * -T[0, 2] + T[1, 3] * -T[1, 2] + T[2, 3] * -T[2, 2]
     height, width = inverse.shape
     for v in range(0, height, _STRIDE):
@@ -82,7 +106,11 @@ def _slice_votes(inverse, labels, wall_of, intrinsics, T, walls):  # type: ignor
             x = (T[0, 0] * rx + T[1, 0] * ry + T[2, 0]) * z
             y = (T[0, 1] * rx + T[1, 1] * ry + T[2, 1]) * z
             a, b, c = walls[wall, 0], walls[wall, 1], walls[wall, 2]
-            k = int(np.floor((c - a * x - b * y) / _BIN_M + 0.5)) + half
+            before = c - a * x - b * y
+            k = int(np.floor(before / _FINE_M + 0.5)) + fine // 2
+            if h < _FOOT_M and 0 <= k < fine:
+                feet[wall, k] += 1
+            k = int(np.floor(before / _BIN_M + 0.5)) + half
             s = int(np.floor((a * y - b * x + _LONGEST_M) / _SLICE_M))
             if 0 <= k < bins and 0 <= s < slices:
                 counts[wall, s, k] += 1
@@ -91,4 +119,4 @@ def _slice_votes(inverse, labels, wall_of, intrinsics, T, walls):  # type: ignor
         for s in range(slices):
             if counts[wall, s].sum() >= _MIN_SLICE_PIXELS:
                 votes[wall, np.argmax(counts[wall, s])] += 1.0
-    return votes
+    return votes, feet
