@@ -14,10 +14,11 @@ from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.depth_holes import close_holes
 from room_layout_ros.core.floor_cells import BLIND, BRIDGE, HOLE, OBSTACLE, SEEN, sum_floor_cells
 from room_layout_ros.core.floor_frame import floor_frame, room_outline, walls_on_floor
-from room_layout_ros.core.floor_plane import FloorFit, FloorPlane, fit_floor
+from room_layout_ros.core.floor_plane import FloorFit, FloorPlane, fit_floor, remove_bias
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, FreeSpace, compute_free_space
 from room_layout_ros.core.labels import CLUTTER, FLOOR
+from room_layout_ros.core.overhang import hide_overhung
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import (
     CLEAN,
@@ -147,6 +148,73 @@ def test_gravity_alone_finds_the_height() -> None:
 def test_a_wrong_prior_is_refused(normal: list[float], height: float, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         FloorPlane(np.array(normal), height)
+
+
+def test_a_bed_that_is_labelled_floor_is_no_floor() -> None:
+    """Lower floor is seen nearer than the bed's top: no free space beats a wrong one. What TF says is kept."""
+    sample, _ = look(empty(Solid(0.6, 0.0, 0.0, 2.4, 1.1, 0.0, 0.5, 4, GREY, thing=1)))
+    estimate = with_truth(sample)
+    assert estimate.cuboid is not None
+    assert sample.truth is not None
+    assert sample.truth.down_camera is not None
+    labels = np.where(estimate.labels == CLUTTER, FLOOR, estimate.labels).astype(np.uint8)
+    on_bed = replace(estimate.cuboid, distances=estimate.cuboid.distances - np.array([0, 0.5, 0, 0, 0]))
+    fooled = replace(estimate, labels=labels, cuboid=on_bed)
+    geometry = compute_depth_geometry(sample.frame, CONFIG)
+    assert geometry is not None
+    assert compute_free_space(geometry, fooled, CONFIG) is None
+    given = compute_free_space(geometry, fooled, CONFIG, FloorPlane(sample.truth.down_camera, 1.2, "tf"))
+    assert given is not None
+    assert given.camera_height_m == pytest.approx(1.2, abs=0.01)
+
+
+def test_the_slow_error_of_the_depth_is_measured_on_the_floor_and_taken_off() -> None:
+    sample, _ = look(empty())
+    geometry = compute_depth_geometry(sample.frame, CONFIG)
+    assert geometry is not None
+    true = geometry.inverse_depth
+    v, u = np.indices(true.shape)
+    slow = 0.004 * np.sin(2 * np.pi * u / 400) * np.cos(2 * np.pi * v / 400)  # 0.1 px of a stereo camera
+    wrong = (true + slow).astype(np.float32)
+    estimate = with_truth(sample)
+    fit = fit_floor(replace(geometry, inverse_depth=wrong), estimate, CONFIG)
+    assert fit is not None
+    right = wrong.copy()
+    remove_bias(right, fit.bias)
+    floor = estimate.labels == FLOOR
+    assert np.std((right - true)[floor]) < 0.4 * np.std((wrong - true)[floor])
+    empty_pixels = np.zeros_like(wrong)
+    remove_bias(empty_pixels, fit.bias)
+    assert not empty_pixels.any(), "what was not measured stays so"
+
+
+def test_a_wall_settles_where_its_foot_is() -> None:
+    sample, right = look(empty())
+    estimate = with_truth(sample)
+    assert estimate.cuboid is not None
+    moved = replace(estimate.cuboid, distances=estimate.cuboid.distances + np.array([0, 0, 0, 0.04, 0]))
+    result = free_space_of(sample.frame, replace(estimate, cuboid=moved))
+    front, true = (next(row for row in walls if row[3] == 3) for walls in (result.walls, right.walls))
+    assert front[2] == pytest.approx(true[2], abs=0.006)
+
+
+def test_what_the_pictures_side_cuts_off_may_stand_in_the_margin() -> None:
+    """A cell at the side of the picture, whose margin lies beside it, before a thing that the side cuts off."""
+    pose = camera_pose(-1.4, 0.0, 1.2, 0.0, -0.45)
+    sample = render(empty(box(0.6, 1.3, 0.5, 0.4)), KINECT, pose, CLEAN)
+    geometry = compute_depth_geometry(sample.frame, CONFIG)
+    assert geometry is not None
+    assert sample.truth is not None
+    assert sample.truth.down_camera is not None
+    assert (sample.truth.labels == CLUTTER)[:, 0].any(), "the picture's side must cut the box off"
+    T = floor_frame(sample.truth.down_camera, 1.2)
+    hidden = []
+    for margin in (0.0, 0.1):
+        grid = np.zeros((160, 120), np.int8)
+        hide_overhung(grid, geometry.inverse_depth, KINECT, T, (0.0, -4.0, 0.05), 2.0, margin)
+        hidden.append(grid == -1)
+    assert not (hidden[0] & ~hidden[1]).any()
+    assert (hidden[1] & ~hidden[0]).any()
 
 
 def test_a_hole_in_the_floor_is_not_free() -> None:

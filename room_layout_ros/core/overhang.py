@@ -67,34 +67,35 @@ def _covered(grid, inverse, intrinsics, T, corner, robot_height, margin):  # typ
                     near = near or grid[m, n] == 0
             if not near:
                 continue
-            x, y, hidden = x0 + j * size, y0 + i * size, 0
-            # What the picture's side cuts off may stand within the margin behind the corner.
-            r = np.sqrt(x * x + y * y) + 1e-9
-            bx, by = x * (1.0 + margin / r), y * (1.0 + margin / r)
-            bz = T[2, 0] * bx + T[2, 1] * by + T[2, 3]
-            bu = (T[0, 0] * bx + T[0, 1] * by + T[0, 3]) / max(bz, 0.1) * fx + cx
-            if bu < 0 or bu > width - 1:
-                x, y = bx, by
-            px, py = T[0, 0] * x + T[0, 1] * y + T[0, 3], T[1, 0] * x + T[1, 1] * y + T[1, 3]
-            pz = T[2, 0] * x + T[2, 1] * y + T[2, 3]
-            for k in range(1, steps + 1):
-                h = k * _STEP_M
-                z = pz + T[2, 2] * h
-                if z < 0.1:
-                    continue
-                w = 1.0 / z
-                u = int(np.rint((px + T[0, 2] * h) * w * fx + cx))
-                v = int(np.rint((py + T[1, 2] * h) * w * fy + cy))
-                # What the side of the picture cuts off goes on beyond it, and may be the thing right here.
-                cut = u < 0 or u >= width
-                u = min(max(u, 0), width - 1)
-                if v < 0 or v >= height or inverse[v, u] <= 0.0:
-                    continue
-                # how far it stands before the space: z - 1 / inverse, without a division
-                least, most = z - (_CUT_M if cut else _COVER_M[0]), z - _COVER_M[1]
-                if least * inverse[v, u] > 1.0 and most * inverse[v, u] < 1.0:
-                    hidden += 2 if cut else 1
-                    if hidden >= _MIN_HIDDEN:
-                        covered[i, j] = True
-                        break
+            x, y = x0 + j * size, y0 + i * size
+            farther = 1.0 + margin / max(np.sqrt(x * x + y * y), 1e-9)
+            for place in range(2):
+                if place == 1:  # within the margin behind the corner, where the picture's side cuts that off
+                    x, y = x * farther, y * farther
+                px, py = T[0, 0] * x + T[0, 1] * y + T[0, 3], T[1, 0] * x + T[1, 1] * y + T[1, 3]
+                pz = T[2, 0] * x + T[2, 1] * y + T[2, 3]
+                foot = px / max(pz, 0.1) * fx + cx
+                if covered[i, j] or (place == 1 and 0 <= foot <= width - 1):
+                    break
+                hidden = 0
+                for k in range(1, steps + 1):
+                    h = k * _STEP_M
+                    z = pz + T[2, 2] * h
+                    if z < 0.1:
+                        continue
+                    w = 1.0 / z
+                    u = int(np.rint((px + T[0, 2] * h) * w * fx + cx))
+                    v = int(np.rint((py + T[1, 2] * h) * w * fy + cy))
+                    # What the side of the picture cuts off goes on beyond it, and may be the thing right here.
+                    cut = u < 0 or u >= width
+                    u = min(max(u, 0), width - 1)
+                    if v < 0 or v >= height or inverse[v, u] <= 0.0:
+                        continue
+                    # how far it stands before the space: z - 1 / inverse, without a division
+                    least, most = z - (_CUT_M if cut else _COVER_M[0]), z - _COVER_M[1]
+                    if least * inverse[v, u] > 1.0 and most * inverse[v, u] < 1.0:
+                        hidden += 2 if cut else 1
+                        if hidden >= _MIN_HIDDEN:
+                            covered[i, j] = True
+                            break
     return covered
