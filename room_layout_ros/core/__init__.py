@@ -1,5 +1,12 @@
 """The algorithm: layout and clutter of a room from one RGB-D frame. Knows no ROS."""
 
+from pathlib import Path
+
+from .kernel_cache import drop_stale_kernels
+
+drop_stale_kernels(Path(__file__).parent)  # before the first kernel is loaded
+
+# ruff: noqa: E402
 from .config import EstimatorConfig
 from .estimate import RoomEstimate, Status
 from .estimator import LayoutEstimator
