@@ -120,18 +120,18 @@ def _noise_table(sigma):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _row_heights(inverse, distance, rise, rise_per_px, depth, high):  # type: ignore[no-untyped-def]
-    """Write depth and height over the floor of a row of pixels; by itself so that it runs on vectors."""
+def _row_heights(inverse, column, distance, rise, rise_per_px, depth, high):  # type: ignore[no-untyped-def]
+    """Write depth and height over the floor of a row of pixels; by itself, all float32, so that it runs on vectors."""
     for u in range(len(inverse)):
         depth[u] = np.float32(1.0) / (inverse[u] if inverse[u] > _TINY else _TINY)
-        high[u] = distance + (rise + rise_per_px * np.float32(u)) * depth[u]
+        high[u] = distance + (rise + rise_per_px * column[u]) * depth[u]
 
 
 @njit(cache=True, nogil=True)
-def _row_inside(depth, reach, out, out_per_px, inside):  # type: ignore[no-untyped-def]
+def _row_inside(depth, column, reach, out, out_per_px, inside):  # type: ignore[no-untyped-def]
     """Lower `inside` of a row of pixels to how far they are before a wall."""
     for u in range(len(depth)):
-        before = reach - (out + out_per_px * np.float32(u)) * depth[u]
+        before = reach - (out + out_per_px * column[u]) * depth[u]
         inside[u] = before if before < inside[u] else inside[u]
 
 
@@ -153,7 +153,8 @@ def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, lim
     per_metre = 1.0 / size
     reach = _NEXT_TO_M * per_metre
     noise_at = _noise_table(sigma)
-    depth, high, inside = (np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32))
+    column = np.arange(width).astype(np.float32)
+    depth, high, inside = np.empty_like(column), np.empty_like(column), np.empty_like(column)
     i0, i1, j0, j1, run = 0, -1, 0, -1, 0.0
     for v in range(height):
         ry = (v - cy) / fy
@@ -161,12 +162,12 @@ def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, lim
         ax0, ax1 = T[1, 0] * ry + T[2, 0] - T[0, 0] * cx / fx, T[0, 0] / fx
         ay0, ay1 = T[1, 1] * ry + T[2, 1] - T[0, 1] * cx / fx, T[0, 1] / fx
         az0, az1 = T[1, 2] * ry + T[2, 2] - T[0, 2] * cx / fx, T[0, 2] / fx
-        _row_heights(inverse[v], np.float32(distance), np.float32(az0), np.float32(az1), depth, high)
+        _row_heights(inverse[v], column, np.float32(distance), np.float32(az0), np.float32(az1), depth, high)
         inside[:] = np.inf
         for k in range(len(walls)):
             a, b = walls[k, 0], walls[k, 1]
             out, out_per_px = np.float32(a * ax0 + b * ay0), np.float32(a * ax1 + b * ay1)
-            _row_inside(depth, np.float32(walls[k, 2]), out, out_per_px, inside)
+            _row_inside(depth, column, np.float32(walls[k, 2]), out, out_per_px, inside)
         for u in range(width):
             az = az0 + az1 * u
             if hole_kind[v, u] != MEASURED and az < -1e-3:

@@ -42,6 +42,9 @@ _CARRY_ROUNDS = 30
 _CARRY_TO_ZERO = 0.3
 """Beyond the floor the slow error is taken to be that of the nearest floor, less by so much over four per tile."""
 
+_SLOW_ROWS = 4
+"""The slow error is the same in so many rows."""
+
 _FARTHEST = np.float32(0.01)
 _CLUTTER_WEIGHT = 0.3
 _MIN_SIGMA_M = 0.002
@@ -380,11 +383,19 @@ def _remove(inverse, bias):  # type: ignore[no-untyped-def]
     for u in range(width):
         before[u], after[u], share[u] = _between_tiles(u, bias.shape[1])
     for v in range(height):
-        i, m, p = _between_tiles(v, bias.shape[0])
-        for j in range(bias.shape[1]):
-            column[j] = bias[i, j] + p * (bias[m, j] - bias[i, j])
-        for u in range(width):
-            slow[u] = column[before[u]] + share[u] * (column[after[u]] - column[before[u]])
-        for u in range(width):
-            w = inverse[v, u]
-            inverse[v, u] = max(w - slow[u], _FARTHEST) if w > 0.0 else w
+        if v % _SLOW_ROWS == 0:
+            i, m, p = _between_tiles(v, bias.shape[0])
+            for j in range(bias.shape[1]):
+                column[j] = bias[i, j] + p * (bias[m, j] - bias[i, j])
+            for u in range(width):
+                slow[u] = column[before[u]] + share[u] * (column[after[u]] - column[before[u]])
+        _take_off(inverse[v], slow)
+
+
+@njit(cache=True, nogil=True)
+def _take_off(row, slow):  # type: ignore[no-untyped-def]
+    """Take the slow error off a row; by itself, all float32, so that it runs on vectors."""
+    for u in range(len(row)):
+        right = row[u] - slow[u]
+        right = right if right > _FARTHEST else _FARTHEST
+        row[u] = right if row[u] > np.float32(0.0) else row[u]
