@@ -44,7 +44,7 @@ def naive_cells(
                     _add(gap, foot + z * direction, size, z**3 / (height * camera.fx * camera.fy))
                 continue
             point = T_floor_camera[:3, :3] @ (ray / w) + foot
-            near_gain = 1.5 if np.hypot(point[0], point[1]) < 1.7 else 0.0
+            near_gain = 1.5 if np.hypot(point[0], point[1]) < 1.7 else 0.8 * min(max(3.0 - 1 / w, 0.0), 1.5)
             threshold = max(lowest, (factor - near_gain) * sigma_m)
             tolerance = 0.02 + 3.0 * sigma_m / w / height
             kind, area = NOTHING, 0.0

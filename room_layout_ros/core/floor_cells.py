@@ -25,8 +25,10 @@ NOTHING, FLOOR_PIXEL, OBSTACLE_PIXEL, WALL_PIXEL, HOLE_PIXEL, BEYOND_PIXEL = ran
 _ON_WALL_M = 0.02
 _ON_WALL_SIGMAS = 3.0
 _NEXT_TO_M = 0.02
-_NEAR_M = 1.7
-_NEAR_GAIN = 1.5
+_NEAR_M, _NEAR_GAIN = 1.7, 1.5
+_FAR_M, _FAR_GAIN = 3.0, 0.8
+"""Deviations by which the threshold is lower within `_NEAR_M` on the floor, and per metre of depth up to `_FAR_M`."""
+
 _LOW = 3.0
 """A thing is low up to this many thresholds: its pixels raise the mean height of the cells behind their foot."""
 
@@ -185,7 +187,8 @@ def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, lim
             x, y = (ax0 + ax1 * u) * z, (ay0 + ay1 * u) * z
             # Near the camera a thing covers many more pixels than a ripple of the noise: a lower threshold does.
             near = x * x + y * y < _NEAR_M * _NEAR_M
-            threshold = max(lowest, (factor - _NEAR_GAIN if near else factor) * noise)
+            gain = _NEAR_GAIN if near else _FAR_GAIN * min(max(_FAR_M - z, 0.0), _NEAR_GAIN)
+            threshold = max(lowest, (factor - gain) * noise)
             if h > threshold:
                 tolerance = _ON_WALL_M + _ON_WALL_SIGMAS * noise * z / distance
                 if inside[u] < tolerance:
