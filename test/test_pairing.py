@@ -152,6 +152,44 @@ def test_f10_far_future_stamps_on_one_topic_are_refused_and_disturb_nothing(
     assert count.refused["stamp far ahead of the other stream"] + count.waiting == 34
 
 
+@pytest.mark.parametrize("how", ("refused", "silent"))
+def test_f10_a_healthy_stream_is_not_blamed_when_the_other_is_refused_or_stops(
+    pairing: StreamPairing[str], how: str
+) -> None:
+    feed(pairing, both(frame(i) for i in range(10)))
+    for i in range(10, 400):
+        feed(pairing, [(COLOR, frame(i))])
+        if how == "refused":
+            pairing.refuse(DEPTH, "bad image")
+    count = pairing.counts[COLOR]
+    assert (count.paired, count.superseded, count.waiting, count.refused.total()) == (10, 380, 10, 0)
+    pairs = feed(pairing, both(frame(i) for i in range(400, 410)))
+    assert len(pairs) == 10, "it goes on at once"
+
+
+def test_f10_two_clocks_are_blamed_with_reason_and_stamp(pairing: StreamPairing[str]) -> None:
+    minute = 60_000 * MS
+    feed(pairing, both((frame(i) for i in range(100)), minute))
+    assert pairing.counts[COLOR].refused == {"stamp far ahead of the other stream": 90}
+    assert pairing.counts[DEPTH].refused == {"stamp far behind the other stream": 90}
+    assert pairing.last_fault[COLOR] == ("stamp far ahead of the other stream", frame(89) + minute)
+
+
+def test_turns_apart_count_only_usable_messages_that_do_not_meet(pairing: StreamPairing[str]) -> None:
+    feed(pairing, both(frame(i) for i in range(10)))
+    assert pairing.turns_apart == 0, "they pair"
+    for i in range(10, 40):
+        feed(pairing, [(COLOR, frame(i))])
+        pairing.refuse(DEPTH, "bad image")
+    assert pairing.turns_apart <= 1, "the partners are refused"
+    feed(pairing, [(COLOR, frame(i)) for i in range(40, 50)] + [(DEPTH, frame(i)) for i in range(60, 70)])
+    assert pairing.turns_apart <= 1, "one stream, then the other"
+    assert feed(pairing, both((frame(100 + 10 * i) for i in range(10)), 150 * MS)) == []
+    assert pairing.turns_apart >= 18, "they alternate and are half a period apart"
+    assert len(feed(pairing, both((frame(300 + 10 * i) for i in range(10)), 10 * MS))) >= 5
+    assert pairing.turns_apart <= 2, "they pair again"
+
+
 def test_f11_stamps_that_are_not_above_zero_are_refused(pairing: StreamPairing[str]) -> None:
     assert feed(pairing, [(COLOR, 0), (DEPTH, -5)]) == []
     assert pairing.counts[COLOR].refused["bad stamp"] == 1

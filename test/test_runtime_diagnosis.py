@@ -14,10 +14,11 @@ from room_layout_ros.runtime.session import CAMERA
 
 TOPICS = {COLOR: "/rgb", DEPTH: "/depth", CAMERA: "/info"}
 FACTS = NodeFacts(inputs={s: InputFacts(t, publishers=1) for s, t in TOPICS.items()}, listening_s=60.0)
-FLOWING = StreamHealth(received=300, paired=300, rate_hz=30.0, silence_s=0.02)
+FLOWING = StreamHealth(received=300, paired=300, rate_hz=30.0, silence_s=0.02, usable_silence_s=0.02)
 HEALTHY = Health(
-    streams=dict.fromkeys(TOPICS, FLOWING), made=300, published=300, rate_hz=30.0, silence_s=0.02, latency_p50_ms=20.0
-)
+    streams=dict.fromkeys(TOPICS, FLOWING), made=300, published=300, rate_hz=30.0, silence_s=0.02, pair_silence_s=0.02,
+    latency_p50_ms=20.0,
+)  # fmt: skip
 BEFORE = replace(HEALTHY, made=270, published=270)
 
 
@@ -89,13 +90,27 @@ def test_two_publishers_are_a_warning() -> None:
     assert (found.level, found.message) == (Level.WARN, "2 publishers on /rgb; there should be one")
 
 
-def test_streams_that_do_not_meet_are_explained_only_while_both_arrive() -> None:
-    apart = replace(HEALTHY, made=270, published=270, silence_s=8.0)
-    found = findings(apart, replace(BEFORE))["estimates"]
+APART = replace(HEALTHY, made=270, published=270, silence_s=8.0, pair_silence_s=8.0, turns_apart=40)
+
+
+def test_streams_that_do_not_meet_are_explained() -> None:
+    found = findings(APART)["estimates"]
     assert found.level == Level.ERROR
     assert "max_stamp_gap = 20 ms" in found.message
-    silent = replace(apart, streams={**apart.streams, COLOR: replace(FLOWING, silence_s=8.0)})
-    assert findings(silent, BEFORE)["estimates"].level == Level.OK
+
+
+@pytest.mark.parametrize(
+    "other",
+    (
+        replace(APART, streams={**APART.streams, COLOR: replace(FLOWING, silence_s=8.0, usable_silence_s=8.0)}),
+        replace(APART, streams={**APART.streams, DEPTH: replace(FLOWING, usable_silence_s=float("inf"))}),
+        replace(APART, pair_silence_s=0.5),
+        replace(APART, turns_apart=1),
+    ),
+    ids=("one is silent", "one is refused", "they pair and are dropped", "a pause after a refusal"),
+)
+def test_f09_streams_that_could_not_meet_are_not_said_to_miss_each_other(other: Health) -> None:
+    assert (findings(other)["estimates"].level, findings(other)["estimates"].message) == (0, "waiting for frames")
 
 
 def test_dropped_frames_are_an_error_but_being_slower_than_the_camera_is_none() -> None:

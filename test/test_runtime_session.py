@@ -228,6 +228,35 @@ def test_refused_messages_are_counted_and_do_not_pair(session: EstimatorSession)
     assert health.streams[CAMERA_STREAM].refused == {"uncalibrated": 1}
 
 
+def refusal_of_colour(session: EstimatorSession, *stamps: int) -> str:
+    for stamp in stamps:
+        session.add_image(COLOR, stamp, "image")
+    return settled(session).streams[COLOR].last_refusal
+
+
+def test_f10_a_refusal_for_the_stamp_says_which_and_why(session: EstimatorSession) -> None:
+    send(session, 0)
+    assert refusal_of_colour(session, T0) == "color stamp 1000.000 s came twice"
+    assert refusal_of_colour(session, T0 - 1) == "color stamp 1000.000 s is older than that of the last pair"
+    assert refusal_of_colour(session, 0) == "color stamp 0.000 s is not valid"
+    hour = T0 + 3_600_000 * MS
+    for i in range(1, 12):
+        send(session, i)
+        refusal_of_colour(session, hour + i)
+    assert refusal_of_colour(session).startswith("color stamp 4600.000 s is far ahead of the other stream")
+
+
+def test_f10_a_refused_stream_leaves_the_healthy_one_without_a_word(session: EstimatorSession) -> None:
+    send(session, 0)
+    for i in range(1, 400):
+        session.add_image(COLOR, T0 + i * 33 * MS, "image")
+        session.refuse(DEPTH, "bad image", "encoding")
+    health = settled(session)
+    assert (health.streams[COLOR].refused, health.streams[COLOR].last_refusal) == ({}, "")
+    assert health.streams[DEPTH].usable_silence_s >= health.streams[DEPTH].silence_s
+    assert health.turns_apart <= 1
+
+
 def test_the_prior_goes_from_frame_to_frame_and_a_jump_ends_it(session: EstimatorSession, stages: Stages) -> None:
     session.add_camera(CAMERA_STREAM, 0, "camera")
     for i in (0, 1, 2, -1000, -999):

@@ -153,13 +153,20 @@ def _estimates_state(health: Health, before: Health, facts: NodeFacts) -> tuple[
         return Level.WARN, f"{sum(empty.values())} frames without an estimate ({status}), {published} with"
     if published:
         return Level.OK, f"{health.rate_hz:.1f} estimates per second, {health.latency_p50_ms:.0f} ms each"
-    color, depth = health.streams.get(COLOR), health.streams.get(DEPTH)
-    used = all(s not in facts.inputs or facts.inputs[s].wanted for s in (COLOR, DEPTH))
-    limit = facts.no_data_timeout_s
-    arriving = used and color and depth and max(color.silence_s, depth.silence_s) < limit
-    if arriving and health.made == before.made and min(health.silence_s, facts.listening_s) > limit:
+    if _is_apart(health, facts):
         return Level.ERROR, (
             f"colour and depth arrive but do not pair; their stamps must differ by at most max_stamp_gap = "
             f"{facts.max_stamp_gap_s * 1e3:.0f} ms"
         )
     return Level.OK, "waiting for frames"
+
+
+_TURNS_APART = 6
+"""So often have the streams to alternate without a pair: a few pairs are late where stamps are not equal."""
+
+
+def _is_apart(health: Health, facts: NodeFacts) -> bool:
+    """Return whether both streams bring images that could be used, and none of them meet."""
+    limit = facts.no_data_timeout_s
+    arriving = all(health.streams[s].usable_silence_s < limit for s in (COLOR, DEPTH) if s in health.streams)
+    return arriving and health.turns_apart >= _TURNS_APART and min(health.pair_silence_s, facts.listening_s) > limit

@@ -27,6 +27,8 @@ class StreamHealth:
     rate_hz: float = 0.0
     silence_s: float = float("inf")
     """Time since the last message; inf before the first."""
+    usable_silence_s: float = float("inf")
+    """Time since the last message whose content could be used."""
     last_refusal: str = ""
 
 
@@ -41,8 +43,12 @@ class Health:
     dropped: Mapping[str, int] = field(default_factory=dict)
     in_flight: int = 0
     resets: int = 0
+    turns_apart: int = 0
+    """How often usable messages of one stream followed the other's since the last pair or refusal."""
     rate_hz: float = 0.0
     silence_s: float = float("inf")
+    pair_silence_s: float = float("inf")
+    """Time since the last pair."""
     latency_p50_ms: float = float("nan")
     """From the arrival of the second image of the pair to the end of publishing."""
     latency_p99_ms: float = float("nan")
@@ -87,6 +93,7 @@ class PairCount:
     resets: int = 0
     last_drop: str = ""
     rate: Rate = field(default_factory=Rate)
+    pairs: Rate = field(default_factory=Rate)
     latencies_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_WINDOW))
     ages_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_WINDOW))
     stages_ms: deque[Mapping[str, float]] = field(default_factory=lambda: deque(maxlen=_WINDOW))
@@ -96,7 +103,7 @@ class PairCount:
         """Pairs whose end is not known yet."""
         return self.made - self.published - self.no_estimate.total() - self.dropped.total()
 
-    def snapshot(self, streams: Mapping[str, StreamHealth], now_ns: int) -> Health:
+    def snapshot(self, streams: Mapping[str, StreamHealth], turns_apart: int, now_ns: int) -> Health:
         """Return the counters as a value."""
         return Health(
             streams=streams,
@@ -106,8 +113,10 @@ class PairCount:
             dropped=dict(self.dropped),
             in_flight=self.in_flight,
             resets=self.resets,
+            turns_apart=turns_apart,
             rate_hz=self.rate.hz(now_ns),
             silence_s=self.rate.silence_s(now_ns),
+            pair_silence_s=self.pairs.silence_s(now_ns),
             latency_p50_ms=quantile(self.latencies_ms, 0.5),
             latency_p99_ms=quantile(self.latencies_ms, 0.99),
             age_p50_ms=quantile(self.ages_ms, 0.5),
@@ -117,7 +126,17 @@ class PairCount:
         )
 
 
-def stream_snapshot(count: StreamCount, rate: Rate, lost: int, last_refusal: str, now_ns: int) -> StreamHealth:
+@dataclass(slots=True)
+class StreamTimes:
+    """When the messages of a stream came, and what was wrong with the last that was refused."""
+
+    all: Rate = field(default_factory=Rate)
+    usable: Rate = field(default_factory=Rate)
+    lost: int = 0
+    last_refusal: str = ""
+
+
+def stream_snapshot(count: StreamCount, times: StreamTimes, now_ns: int) -> StreamHealth:
     """Return the counters of a stream as a value."""
     return StreamHealth(
         received=count.received,
@@ -125,10 +144,11 @@ def stream_snapshot(count: StreamCount, rate: Rate, lost: int, last_refusal: str
         superseded=count.superseded,
         refused=dict(count.refused),
         waiting=count.waiting,
-        lost=lost,
-        rate_hz=rate.hz(now_ns),
-        silence_s=rate.silence_s(now_ns),
-        last_refusal=last_refusal,
+        lost=times.lost,
+        rate_hz=times.all.hz(now_ns),
+        silence_s=times.all.silence_s(now_ns),
+        usable_silence_s=times.usable.silence_s(now_ns),
+        last_refusal=times.last_refusal,
     )
 
 

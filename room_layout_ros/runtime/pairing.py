@@ -16,6 +16,17 @@ Item = TypeVar("Item")
 
 COLOR, DEPTH = "color", "depth"
 
+BAD_STAMP, DUPLICATE, LATE = "bad stamp", "duplicate", "late"
+AHEAD, BEHIND = "stamp far ahead of the other stream", "stamp far behind the other stream"
+STAMP_FAULTS = {
+    BAD_STAMP: "is not valid",
+    DUPLICATE: "came twice",
+    LATE: "is older than that of the last pair",
+    AHEAD: "is far ahead of the other stream; do both drivers stamp with one clock?",
+    BEHIND: "is far behind the other stream; do both drivers stamp with one clock?",
+}
+"""What is wrong with the stamp of a message that is refused for it, by the reason it is counted under."""
+
 _FORWARD_JUMPS = 10
 """A gap of this many `reset_gap`s between pairs is a jump of the clock or a new scene: start afresh."""
 _RUN_TO_TRUST = 3
@@ -80,6 +91,11 @@ class StreamPairing(Generic[Item]):
         self._newest = {COLOR: 0, DEPTH: 0}
         self._emitted: dict[str, int | None] = {COLOR: None, DEPTH: None}
         self._run_without_exact = 0
+        self._in_a_row = (COLOR, 0)
+        self.turns_apart = 0
+        """How often usable messages of one stream followed the other's since the last pair or refusal."""
+        self.last_fault = {COLOR: ("", 0), DEPTH: ("", 0)}
+        """Reason and stamp of the last message that was refused for its stamp."""
         self.counts = {COLOR: StreamCount(), DEPTH: StreamCount()}
 
     def configure(self, rules: PairingRules) -> None:
@@ -98,33 +114,47 @@ class StreamPairing(Generic[Item]):
         self._newest = {COLOR: 0, DEPTH: 0}
         self._emitted = {COLOR: None, DEPTH: None}
         self._run_without_exact = 0
+        self.turns_apart = 0
 
     def refuse(self, stream: str, reason: str) -> None:
-        """Count a message that was refused before it had a usable stamp."""
+        """Count a message that cannot be used; its partner has to stay alone."""
+        self.turns_apart = 0
         self.counts[stream].received += 1
         self.counts[stream].refused[reason] += 1
 
     def add(self, stream: str, stamp_ns: int, item: Item) -> Pair[Item] | None:
         """Take one message; return the pair that it completes, if any."""
         fault = self._stamp_fault(stream, stamp_ns)
-        if fault:
-            self.refuse(stream, fault)
-            return None
         self.counts[stream].received += 1
+        if fault:
+            self._refuse_stamp(stream, fault, stamp_ns)
+            return None
+        self._take_turn(stream)
         self._queues[stream][stamp_ns] = item
         self._newest[stream] = stamp_ns
         pair = self._complete(stream, stamp_ns)
+        if pair is not None:
+            self.turns_apart = 0
         self._evict(stream)
         return pair
+
+    def _refuse_stamp(self, stream: str, reason: str, stamp_ns: int) -> None:
+        self.counts[stream].refused[reason] += 1
+        self.last_fault[stream] = reason, stamp_ns
+
+    def _take_turn(self, stream: str) -> None:
+        last, number = self._in_a_row
+        self._in_a_row = (stream, number + 1 if stream == last else 1)
+        self.turns_apart += stream != last
 
     def _stamp_fault(self, stream: str, stamp_ns: int) -> str:
         last = self._emitted[stream]
         if stamp_ns <= 0:
-            return "bad stamp"
+            return BAD_STAMP
         if stamp_ns in self._queues[stream] or stamp_ns == last:
-            return "duplicate"
+            return DUPLICATE
         if last is not None and last - self._rules.reset_gap_ns < stamp_ns < last:
-            return "late"
+            return LATE
         return ""
 
     def _complete(self, stream: str, stamp_ns: int) -> Pair[Item] | None:
@@ -190,16 +220,20 @@ class StreamPairing(Generic[Item]):
         self.counts[stream].superseded += len(gone)
 
     def _evict(self, stream: str) -> None:
-        """Keep the queue within its bound: the message that waited longest goes first, whatever its stamp."""
+        """Keep the queue within its bound: the message that waited longest goes first, whatever its stamp.
+
+        Stamps are to blame only while the other stream goes on: one that stops, or is refused, soon lies far behind.
+        """
         queue, count = self._queues[stream], self.counts[stream]
-        other = self._newest[_other(stream)]
+        alone = self._in_a_row[0] == stream and self._in_a_row[1] > self._rules.queue_size
+        other = 0 if alone else self._newest[_other(stream)]
         while len(queue) > self._rules.queue_size:
             stamp_ns = next(iter(queue))
             del queue[stamp_ns]
             if other and stamp_ns > other + _FORWARD_JUMPS * self._rules.reset_gap_ns:
-                count.refused["stamp far ahead of the other stream"] += 1
+                self._refuse_stamp(stream, AHEAD, stamp_ns)
             elif other and stamp_ns < other - _FORWARD_JUMPS * self._rules.reset_gap_ns:
-                count.refused["stamp far behind the other stream"] += 1
+                self._refuse_stamp(stream, BEHIND, stamp_ns)
             else:
                 count.superseded += 1
 

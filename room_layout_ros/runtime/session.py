@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
@@ -17,9 +16,9 @@ from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 
 from .camera_history import CameraHistory
-from .health import Health, PairCount, Rate, stream_snapshot
+from .health import Health, PairCount, StreamTimes, stream_snapshot
 from .live_loop import LiveLoop
-from .pairing import COLOR, DEPTH, Pair, PairingRules, StreamCount, StreamPairing
+from .pairing import COLOR, DEPTH, STAMP_FAULTS, Pair, PairingRules, StreamCount, StreamPairing
 
 CAMERA, DEPTH_CAMERA = "camera_info", "depth_camera_info"
 CAMERAS = (CAMERA, DEPTH_CAMERA)
@@ -120,9 +119,7 @@ class EstimatorSession:
         self._cameras: dict[str, CameraHistory[Any]] = {s: CameraHistory() for s in CAMERAS}
         self._camera_counts = {s: StreamCount() for s in CAMERAS}
         self._pairs = PairCount()
-        self._rates = {stream: Rate() for stream in STREAMS}
-        self._lost: Counter[str] = Counter()
-        self._last_refusal = dict.fromkeys(STREAMS, "")
+        self._times = {stream: StreamTimes() for stream in STREAMS}
         self._epoch = 0
         self._prior: TemporalPrior | None = None
         self._prior_epoch = 0
@@ -145,14 +142,17 @@ class EstimatorSession:
         """Take a checked image of COLOR or DEPTH."""
         now = self._clock()
         with self._lock:
-            self._rates[stream].tick(now)
+            self._times[stream].all.tick(now)
+            self._times[stream].usable.tick(now)
             refused = self._pairing.counts[stream].refused.total()
             pair = self._pairing.add(stream, stamp_ns, item)
             if self._pairing.counts[stream].refused.total() > refused:
-                self._last_refusal[stream] = f"{stream} stamp {stamp_ns * 1e-9:.3f} s is a duplicate, late or not valid"
+                reason, stamp = self._pairing.last_fault[stream]
+                self._times[stream].last_refusal = f"{stream} stamp {stamp * 1e-9:.3f} s {STAMP_FAULTS[reason]}"
             if pair is None:
                 return
             self._pairs.made += 1
+            self._pairs.pairs.tick(now)
             if pair.reset:
                 self._restart()
             # Under the lock: pairs of two threads reach the worker in the order in which they were made.
@@ -163,7 +163,7 @@ class EstimatorSession:
     def add_camera(self, stream: str, stamp_ns: int, camera: object) -> bool:
         """Take a checked camera of CAMERA or DEPTH_CAMERA (stamp 0: none); return True if it differs from the last."""
         with self._lock:
-            self._rates[stream].tick(self._clock())
+            self._times[stream].all.tick(self._clock())
             self._camera_counts[stream].received += 1
             self._camera_counts[stream].paired += 1
             return self._cameras[stream].add(stamp_ns, camera)
@@ -171,8 +171,8 @@ class EstimatorSession:
     def refuse(self, stream: str, reason: str, sentence: str) -> None:
         """Count a message that could not be used and say why."""
         with self._lock:
-            self._rates[stream].tick(self._clock())
-            self._last_refusal[stream] = sentence
+            self._times[stream].all.tick(self._clock())
+            self._times[stream].last_refusal = sentence
             if stream in CAMERAS:
                 self._camera_counts[stream].received += 1
                 self._camera_counts[stream].refused[reason] += 1
@@ -183,7 +183,7 @@ class EstimatorSession:
     def count_lost(self, stream: str, number: int) -> None:
         """Count messages that were sent and never came."""
         with self._lock:
-            self._lost[stream] += number
+            self._times[stream].lost += number
 
     def reset(self) -> None:
         """Forget all that came before; what waits is dropped. The newest camera stays."""
@@ -197,11 +197,8 @@ class EstimatorSession:
         with self._lock:
             now = self._clock()
             counts = {**self._pairing.counts, **self._camera_counts}
-            streams = {
-                s: stream_snapshot(counts[s], self._rates[s], self._lost[s], self._last_refusal[s], now)
-                for s in STREAMS
-            }
-            return self._pairs.snapshot(streams, now)
+            streams = {s: stream_snapshot(counts[s], self._times[s], now) for s in STREAMS}
+            return self._pairs.snapshot(streams, self._pairing.turns_apart, now)
 
     def close(self, timeout_s: float = 1.0) -> bool:
         """End the thread; False if it is still busy after `timeout_s`.
