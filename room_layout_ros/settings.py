@@ -35,6 +35,12 @@ class Estimator(Protocol):
         ...
 
 
+def check_streams(config: EstimatorConfig) -> None:
+    """Raise ValueError where a live node would wait for ever: with neither stream there is no frame."""
+    if not (config.use_color or config.use_depth):
+        raise ValueError("use_color and use_depth are both false; the node needs at least one of the two streams")
+
+
 MakeEstimator = Callable[[EstimatorConfig], Estimator]
 
 
@@ -53,7 +59,14 @@ class Settings:
 
     @classmethod
     def make(cls, config: EstimatorConfig, node: NodeConfig, make_estimator: MakeEstimator) -> Settings:
-        """Return the set; reads the calibration file. Raises ValueError when that is no calibration."""
+        """Return the set; reads the calibration file.
+
+        Raises
+        ------
+        ValueError
+            When that is no calibration, or no stream is used.
+        """
+        check_streams(config)
         camera = read_calibration(Path(node.camera_file)).intrinsics if node.camera_file else None
         return cls(node, make_estimator(config), None if camera is None else CameraReading(camera, "", ""))
 

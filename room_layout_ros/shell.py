@@ -25,7 +25,7 @@ from .reporter import Reporter, dds_profile
 from .runtime.diagnosis import NodeFacts
 from .runtime.session import CAMERA, CAMERAS, EstimatorSession, RefusedError
 from .runtime.throttle import Throttle
-from .settings import MakeEstimator, Settings
+from .settings import MakeEstimator, Settings, check_streams
 from .stages import NodeStages
 from .subscriptions import Subscriptions
 from .transforms import Transforms
@@ -203,6 +203,7 @@ class Shell:
     def _changed(self, changes: Sequence[Any]) -> tuple[EstimatorConfig, NodeConfig]:
         values = {p.name: p.value for p in changes}
         estimator = parameters.changed(self._settings.estimator.config, values)
+        check_streams(estimator)
         return estimator, parameters.changed(self._settings.node, values)
 
     def _check_parameters(self, changes: Sequence[Any]) -> SetParametersResult:

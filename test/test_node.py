@@ -291,6 +291,7 @@ def test_a_parameter_out_of_bounds_is_refused_and_the_old_set_stays(bench: Bench
         [Parameter("max_stamp_gap", value=0.3), Parameter("reset_gap", value=0.1)],
         [Parameter("diagnostics_period", value=3.0)],
         [Parameter("queue_size", value=5), Parameter("superpixel_count", value=-1)],
+        [Parameter("use_color", value=False), Parameter("use_depth", value=False)],
     ):
         result = bench.node.set_parameters_atomically(wrong)
         assert not result.successful

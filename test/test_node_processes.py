@@ -205,12 +205,13 @@ def end_in_time(node: subprocess.Popen[str], number: signal.Signals) -> None:
         ("queue_size:=many", "queue_size"),
         ("max_depth_m:=.nan", "max_depth_m"),
         ("reset_gap:=0.01", "reset_gap"),
+        ("use_color:=false -p use_depth:=false", "use_color and use_depth are both false"),
     ),
 )
 def test_f33_wrong_settings_at_the_start_are_a_sentence_and_exit_code_2(
     repository: Path, parameter: str, words: str
 ) -> None:
-    with python(repository, *NODE, "-p", parameter) as node:
+    with python(repository, *NODE, "-p", *parameter.split()) as node:
         said = rest(node, 30)
     assert node.returncode == 2, said
     assert "Traceback" not in said
