@@ -80,3 +80,12 @@ def test_the_nearest_depth_lies_before_the_farthest() -> None:
     """F33: a pair of settings that contradict each other."""
     with pytest.raises(ValueError, match=r"^min_depth_m is 5\.0 m and max_depth_m 1\.0 m; the first must be"):
         EstimatorConfig(min_depth_m=5.0, max_depth_m=1.0)
+
+
+def test_a_grid_that_would_take_seconds_and_gigabytes_is_refused() -> None:
+    fine: dict[str, Any] = {"free_space_resolution_m": 0.01, "free_space_forward_m": 30.0}
+    sentence = "free_space_resolution_m is 0.01 m for a grid of 30.0 m x 60.0 m: 18000000 cells; at most 4000000"
+    with pytest.raises(ValueError, match=f"^{re.escape(sentence)}"):
+        EstimatorConfig(**fine, free_space_side_m=30.0)
+    assert EstimatorConfig(**fine, free_space_side_m=6.6).free_space_side_m == 6.6
+    EstimatorConfig(free_space_resolution_m=0.03, free_space_forward_m=30.0, free_space_side_m=30.0)
