@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -87,10 +88,20 @@ class NodeConfig:
         for pose in (self.depth_to_color, self.imu_to_camera):
             if pose:
                 parse_pose(pose)
+        for name in ("floor_frame", "robot_frame"):
+            _check_frame(name, getattr(self, name))
         if self.max_stamp_gap >= self.reset_gap:
             raise ValueError(
                 f"max_stamp_gap is {self.max_stamp_gap} s; it must be below reset_gap, which is {self.reset_gap} s"
             )
+
+
+def _check_frame(name: str, frame: str) -> None:
+    """Raise ValueError where TF would not take a frame's name ("" means: not given)."""
+    if frame and not re.fullmatch(r"[A-Za-z0-9_.\-][A-Za-z0-9_.\-/]*", frame):
+        raise ValueError(
+            f"{name} is {frame[:80]!r}; a frame is named by letters, digits and _ . - /, and does not begin with /"
+        )
 
 
 FindTransform = Callable[[str, str, int], NDArray[np.float64] | None]

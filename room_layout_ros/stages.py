@@ -21,6 +21,7 @@ from .inputs import ImageItem, assemble
 from .outputs import OUTPUTS
 from .publications import Publications
 from .runtime.pairing import Pair
+from .runtime.session import RefusedError
 from .runtime.warm_up import warm_up_frame
 from .scene import Scene
 from .settings import Settings
@@ -66,7 +67,13 @@ class NodeStages:
         self, pair: Pair[ImageItem], cameras: Mapping[str, CameraReading | None], settings: Settings
     ) -> RgbdFrame:
         """Decode a pair."""
-        return assemble(pair, cameras, settings.node, self._transforms.find)
+        frame = assemble(pair, cameras, settings.node, self._transforms.find)
+        if frame.frame_id and frame.frame_id == settings.node.floor_frame:
+            raise RefusedError(
+                "floor_frame is the camera's",
+                f"floor_frame is {frame.frame_id[:80]!r}, which is the camera's own frame; the floor needs another",
+            )
+        return frame
 
     def gravity(self, frame: RgbdFrame, settings: Settings) -> NDArray[np.float64] | None:
         """Say which way is down."""

@@ -260,6 +260,26 @@ def test_the_floor_frame_is_broadcast_while_somebody_listens_to_a_topic_on_it(tf
         assert tf.sent[0].header.stamp == scans[0].header.stamp
 
 
+def test_the_cameras_own_frame_is_no_floor_frame() -> None:
+    with running(floor_frame=FRAME_ID) as bench:
+        bench.connect()
+        bench.send(0)
+        bench.until(lambda: bench.said("estimates", f"floor_frame is '{FRAME_ID}', which is the camera's own frame"))
+        assert not bench.labels_of(0)
+        assert bench.node.set_parameters([Parameter("floor_frame", value="floor")])[0].successful
+        bench.expect(1)
+
+
+def test_images_without_a_frame_id_are_named() -> None:
+    with running() as bench:
+        bench.connect()
+        rgb, mm = room_images(0)
+        bench.send(0, encode_image(rgb, stamp_ns(0), ""), encode_image(mm, stamp_ns(0), ""))
+        bench.until(lambda: bench.said("estimates", "images have an empty frame_id"))
+        bench.expect(1)
+        bench.until(lambda: bench.well("estimates"))
+
+
 def test_two_nodes_in_namespaces_of_their_own_do_not_mix(tf: FakeBuffer) -> None:
     with (
         running(floor_frame="left_floor", **FLOOR_GIVEN) as left,

@@ -48,6 +48,16 @@ def test_settings_at_odds_are_refused() -> None:
         NodeConfig(max_stamp_gap=0.6)
 
 
+@pytest.mark.parametrize("name", ("floor_frame", "robot_frame"))
+@pytest.mark.parametrize("frame", ("/a/b", "with space", "a\n", "/", "z\u00fcrich"))
+def test_a_frame_that_tf_would_not_take_is_refused(name: str, frame: str) -> None:
+    changes: dict[str, Any] = {name: frame}
+    with pytest.raises(ValueError, match=f"^{name} is .*; a frame is named by letters"):
+        NodeConfig(**changes)
+    changes[name] = "left/base_footprint-2"
+    assert getattr(NodeConfig(**changes), name) == "left/base_footprint-2"
+
+
 class TestRos:
     """What rclpy sees."""
 

@@ -121,6 +121,12 @@ def test_dropped_frames_are_an_error_but_being_slower_than_the_camera_is_none() 
     assert (found.level, found.message) == (Level.ERROR, "2 frames dropped: RuntimeError in the estimator: boom")
 
 
+def test_images_without_a_frame_id_are_a_warning() -> None:
+    found = findings(replace(HEALTHY, frame_id=""))["estimates"]
+    assert (found.level, found.message.partition(";")[0]) == (Level.WARN, "images have an empty frame_id")
+    assert findings(replace(HEALTHY, frame_id="camera"))["estimates"].level == Level.OK
+
+
 def test_frames_without_an_estimate_name_the_status() -> None:
     found = findings(replace(HEALTHY, no_estimate={"no depth": 4}, published=271))["estimates"]
     assert (found.level, found.message) == (Level.WARN, "4 frames without an estimate (no depth), 1 with")

@@ -151,6 +151,8 @@ def _estimates_state(health: Health, before: Health, facts: NodeFacts) -> tuple[
     if any(empty.values()):
         status = max(empty, key=lambda s: empty[s])
         return Level.WARN, f"{sum(empty.values())} frames without an estimate ({status}), {published} with"
+    if published and health.frame_id == "":
+        return Level.WARN, "images have an empty frame_id; TF and RViz cannot place the results: let the driver set it"
     if published:
         return Level.OK, f"{health.rate_hz:.1f} estimates per second, {health.latency_p50_ms:.0f} ms each"
     if _is_apart(health, facts):

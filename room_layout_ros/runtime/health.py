@@ -56,6 +56,8 @@ class Health:
     """From the stamp of the frame to the end of publishing, on the node's clock."""
     age_p99_ms: float = float("nan")
     last_drop: str = ""
+    frame_id: str | None = None
+    """Of the last frame; None before the first."""
     stages_ms: Mapping[str, float] = field(default_factory=dict)
     """Median time per stage of the estimator."""
 
@@ -92,6 +94,7 @@ class PairCount:
     dropped: Counter[str] = field(default_factory=Counter)
     resets: int = 0
     last_drop: str = ""
+    frame_id: str | None = None
     rate: Rate = field(default_factory=Rate)
     pairs: Rate = field(default_factory=Rate)
     latencies_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_WINDOW))
@@ -122,6 +125,7 @@ class PairCount:
             age_p50_ms=quantile(self.ages_ms, 0.5),
             age_p99_ms=quantile(self.ages_ms, 0.99),
             last_drop=self.last_drop,
+            frame_id=self.frame_id,
             stages_ms=_medians(self.stages_ms),
         )
 

@@ -295,6 +295,7 @@ class EstimatorSession:
         age_ms = (self._stages.now_ns() - result.frame.stamp_ns) * 1e-6
         with self._lock:
             now, pairs = self._clock(), self._pairs
+            pairs.frame_id = result.frame.frame_id
             if estimate.cuboid is not None:
                 pairs.published += 1
                 pairs.rate.tick(now)
