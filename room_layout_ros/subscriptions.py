@@ -7,13 +7,14 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import QoSProfile, QoSReliabilityPolicy, qos_policy_name_from_kind
+from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from msg_adapters import messages
 
-from .inputs import INPUT_TOPICS, transport_of
+from .inputs import INPUT_TOPICS, TRANSPORTS, transport_of
 from .runtime.diagnosis import InputFacts
 from .runtime.pairing import COLOR, DEPTH
 from .runtime.session import CAMERA, CAMERAS
@@ -22,6 +23,13 @@ from .settings import Settings
 IMU_TOPIC = "imu"
 
 _DEPTH = 5
+
+_OVERRIDES: tuple[tuple[str, str | int, tuple[str, ...]], ...] = (
+    ("history", "keep_last", tuple(p.name.lower() for p in QoSHistoryPolicy if p.name != "UNKNOWN")),
+    ("depth", _DEPTH, ()),
+    ("reliability", "best_effort", tuple(p.name.lower() for p in QoSReliabilityPolicy if p.name != "UNKNOWN")),
+)
+"""Policy, default and what is allowed (a number of messages where nothing is named)."""
 
 
 class Subscriptions:
@@ -54,6 +62,7 @@ class Subscriptions:
         self._clashes: dict[str, str] = {}
         self._numbers: dict[str, int] = {}
         self._since = 0.0
+        self._declare_qos()
 
     def __bool__(self) -> bool:
         return bool(self._open)
@@ -91,10 +100,34 @@ class Subscriptions:
         return facts
 
     def _topic(self, stream: str, settings: Settings) -> str:
+        return self._topic_by(stream, transport_of(stream, settings.node))
+
+    def _topic_by(self, stream: str, transport: str) -> str:
         """Return the resolved topic; image_transport puts the transport behind the remapped name."""
         base: str = self._node.resolve_topic_name(INPUT_TOPICS[stream])
-        transport = transport_of(stream, settings.node)
         return base if transport == "raw" else f"{base}/{transport}"
+
+    def _declare_qos(self) -> None:
+        """Declare the QoS overrides of every topic that the settings may ask for.
+
+        rclpy would look at them only when a topic is subscribed, which is when somebody listens to the results.
+
+        Raises
+        ------
+        ValueError
+            When a value is no policy.
+        """
+        topics = [self._topic_by(stream, kind) for stream in INPUT_TOPICS for kind in TRANSPORTS.get(stream, ("raw",))]
+        for topic in (*topics, IMU_TOPIC):
+            prefix = f"qos_overrides.{self._node.resolve_topic_name(topic)}.subscription"
+            for policy, default, allowed in _OVERRIDES:
+                name = f"{prefix}.{policy}"
+                about = ParameterDescriptor(description=f"{policy} of the subscription", read_only=True)
+                value = self._node.declare_parameter(name, default, about).value
+                if allowed and value not in allowed:
+                    raise ValueError(f"{name} is {str(value)[:40]!r}; allowed are {', '.join(allowed)}")
+                if not allowed and value < 1:
+                    raise ValueError(f"{name} is {value}; it must be at least 1")
 
     def _subscribe(self, stream: str, settings: Settings) -> None:
         kind: type = messages.CameraInfo if stream in CAMERAS else messages.Image

@@ -32,6 +32,8 @@ pytestmark = pytest.mark.dds
 HERE = Path(__file__).resolve().parent
 NODE = ("-m", "room_layout_ros.node", "--ros-args")
 FRAMES = 75
+RELIABILITY = "qos_overrides./rgb/image_rect_color.subscription.reliability"
+DEPTH = "qos_overrides./depth_registered/image_rect/compressedDepth.subscription.depth"
 
 
 def remapped(namespace: str, *parameters: str) -> Sequence[str]:
@@ -205,6 +207,10 @@ def end_in_time(node: subprocess.Popen[str], number: signal.Signals) -> None:
         ("queue_size:=many", "queue_size"),
         ("max_depth_m:=.nan", "max_depth_m"),
         ("reset_gap:=0.01", "reset_gap"),
+        (f"{RELIABILITY}:=sometimes", f"{RELIABILITY} is 'sometimes'; allowed are"),
+        (f"{RELIABILITY}:=3", RELIABILITY),
+        (f"{DEPTH}:=0", f"{DEPTH} is 0; it must be at least 1"),
+        ("qos_overrides./estimator/labels.publisher.reliability:=sometimes", "sometimes"),
         ("use_color:=false -p use_depth:=false", "use_color and use_depth are both false"),
     ),
 )
