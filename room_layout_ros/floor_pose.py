@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import threading
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from msg_adapters.text import clean_text
 
 from .core.floor_plane import FloorPlane
 from .node_config import FindTransform, NodeConfig, parse_pose
@@ -15,6 +18,16 @@ _TOLERANCE = 2.0
 """m/s^2; a robot that speeds up or brakes harder than this does not say where down is."""
 _TIME_CONSTANT_NS = 500_000_000
 _UP_TO_DATE_NS = 2_000_000_000
+
+
+class Answer(NamedTuple):
+    """Where the floor was expected from, and why the source that was asked for could not say ("" where it could)."""
+
+    source: str
+    missing: str
+
+    def __str__(self) -> str:
+        return f"{self.source} ({self.missing})" if self.missing else self.source
 
 
 class FloorPose:
@@ -32,7 +45,7 @@ class FloorPose:
         self._acceleration: NDArray[np.float64] | None = None
         self._imu_frame = ""
         self._imu_ns = 0
-        self.source = "estimate"
+        self.answer = Answer("estimate", "")
         """Where the last answer came from, for the diagnostics."""
 
     def add_imu(self, stamp_ns: int, frame_id: str, acceleration: NDArray[np.float64]) -> None:
@@ -52,34 +65,38 @@ class FloorPose:
         """Forget the IMU."""
         with self._lock:
             self._acceleration = None
+        self.answer = Answer("estimate", "")
 
     def expect(self, camera_frame: str, stamp_ns: int, node: NodeConfig) -> FloorPlane | None:
         """Return the floor as expected for a frame; None where nothing but the estimate can say."""
-        found, missing = None, "estimate"
+        found: FloorPlane | str = ""
         if node.pose_source == "imu":
             found = self._from_imu(camera_frame, stamp_ns, node)
-            missing = "estimate (no IMU reading, or its pose is not known)"
         elif node.pose_source == "parameters":
             found = _from_parameters(node)
         elif node.pose_source in ("auto", "tf"):
             found = self._from_tf(camera_frame, stamp_ns, node)
-            missing = f"estimate (no transform between {node.robot_frame} and the camera)"
-        self.source = found.source if found is not None else missing
+        if isinstance(found, str):
+            self.answer = Answer("estimate", found)
+            return None
+        self.answer = Answer(found.source, "")
         return found
 
-    def _from_tf(self, camera_frame: str, stamp_ns: int, node: NodeConfig) -> FloorPlane | None:
+    def _from_tf(self, camera_frame: str, stamp_ns: int, node: NodeConfig) -> FloorPlane | str:
         T = self._find(camera_frame, node.robot_frame, stamp_ns)
         if T is None:
-            return None
+            return _no_transform(node.robot_frame, camera_frame)
         normal = -T[:3, 2]
         height = float(normal @ T[:3, 3])  # of the camera over the plane z = 0 of the robot's frame
         return FloorPlane(_unit(normal), height if height > 0 else float("nan"), "tf")
 
-    def _from_imu(self, camera_frame: str, stamp_ns: int, node: NodeConfig) -> FloorPlane | None:
+    def _from_imu(self, camera_frame: str, stamp_ns: int, node: NodeConfig) -> FloorPlane | str:
         with self._lock:
             acceleration, frame_id, imu_ns = self._acceleration, self._imu_frame, self._imu_ns
-        if acceleration is None or abs(stamp_ns - imu_ns) > _UP_TO_DATE_NS:
-            return None
+        if acceleration is None:
+            return "no usable reading has come on imu"
+        if abs(stamp_ns - imu_ns) > _UP_TO_DATE_NS:
+            return f"the last usable reading of imu is over {_UP_TO_DATE_NS * 1e-9:.0f} s before or after the frame"
         if node.imu_to_camera:
             T_camera_imu: NDArray[np.float64] | None = parse_pose(node.imu_to_camera)
         elif frame_id == camera_frame:
@@ -87,8 +104,12 @@ class FloorPose:
         else:
             T_camera_imu = self._find(camera_frame, frame_id, stamp_ns)
         if T_camera_imu is None:
-            return None
+            return f"{_no_transform(frame_id, camera_frame)}, and imu_to_camera is empty"
         return FloorPlane(_unit(-T_camera_imu[:3, :3] @ acceleration), node.camera_height or float("nan"), "imu")
+
+
+def _no_transform(source: str, target: str) -> str:
+    return f"no transform between {clean_text(source)} and {clean_text(target)} is known (tf2 must be installed)"
 
 
 def _from_parameters(node: NodeConfig) -> FloorPlane:

@@ -32,6 +32,8 @@ class Output:
     meaning: str
     on_floor: bool = False
     """True where the message lies in the floor frame, not in the camera's."""
+    needs_floor: bool = False
+    """True where there is nothing to send without a floor."""
 
 
 def _labels(scene: Scene) -> Sequence[Any]:
@@ -115,19 +117,28 @@ OUTPUTS = (
     Output("~/markers", messages.MarkerArray, 5, _markers, "the room for RViz: fills, edges, names and distances"),
     Output(
         "~/free_space", messages.OccupancyGrid, 2, _free_space,
-        "floor around the camera: 0 seen free, 100 occupied, -1 not known", on_floor=True,
+        "floor around the camera: 0 seen free, 100 occupied, -1 not known", on_floor=True, needs_floor=True,
     ),
-    Output("~/obstacles", messages.PointCloud2, 2, _obstacles, "things on the floor, for marking; no walls"),
-    Output("~/floor", messages.PointCloud2, 2, _floor, "free floor, for clearing"),
+    Output(
+        "~/obstacles", messages.PointCloud2, 2, _obstacles, "things on the floor, for marking; no walls",
+        needs_floor=True,
+    ),
+    Output("~/floor", messages.PointCloud2, 2, _floor, "free floor, for clearing", needs_floor=True),
     Output(
         "~/scan", messages.LaserScan, 5, _scan,
         "nearest thing or wall per beam; +Inf where floor was seen and nothing stands, NaN where nothing is known",
-        on_floor=True,
+        on_floor=True, needs_floor=True,
     ),
-    Output("~/objects", messages.MarkerArray, 5, _objects, "things for RViz: upright boxes with class and size"),
+    Output(
+        "~/objects", messages.MarkerArray, 5, _objects, "things for RViz: upright boxes with class and size",
+        needs_floor=True,
+    ),
     Output(
         "~/room_outline", messages.PolygonStamped, 2, _outline, "the room on the floor, clipped to the grid",
-        on_floor=True,
+        on_floor=True, needs_floor=True,
     ),
-    Output("~/floor_pose", messages.PoseStamped, 5, _floor_pose, "pose of the floor frame in the camera's frame"),
+    Output(
+        "~/floor_pose", messages.PoseStamped, 5, _floor_pose, "pose of the floor frame in the camera's frame",
+        needs_floor=True,
+    ),
 )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
@@ -18,6 +18,13 @@ from .scene import Scene
 
 LABEL_NAMES_TOPIC = "~/label_names"
 DIAGNOSTICS_TOPIC = "/diagnostics"
+
+
+class Sent(NamedTuple):
+    """Whether anything that was sent lies in the floor frame; whether anybody listens to what needs a floor."""
+
+    on_floor: bool
+    floor_wanted: bool
 
 
 class Publications:
@@ -50,14 +57,15 @@ class Publications:
         """Return whether anybody listens to an output."""
         return any(self._is_wanted(publisher) for _, publisher in self._outputs)
 
-    def send(self, scene: Scene) -> bool:
-        """Encode and publish what has a listener; return whether anything of it lies in the floor frame."""
-        on_floor = False
+    def send(self, scene: Scene) -> Sent:
+        """Encode and publish what has a listener."""
+        on_floor = floor_wanted = False
         for output, publisher in self._outputs:
             if self._is_wanted(publisher):
+                floor_wanted |= output.needs_floor
                 for message in output.encode(scene):
                     on_floor |= self._publish(publisher, message) and output.on_floor
-        return on_floor
+        return Sent(on_floor, floor_wanted)
 
     def report(self, diagnostics: Any) -> None:
         """Publish a diagnostic_msgs/DiagnosticArray."""

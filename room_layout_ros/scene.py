@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from .core.config import EstimatorConfig
 from .core.cuboids import ObjectCuboid, compute_object_cuboids
 from .core.depth import DepthGeometry, compute_depth_geometry
@@ -12,7 +14,10 @@ from .core.estimate import RoomEstimate
 from .core.floor_plane import FloorPlane
 from .core.frame import RgbdFrame
 from .core.freespace import FreeSpace, compute_free_space
+from .core.labels import FLOOR
 from .node_config import NodeConfig
+
+_LEAST_PIXELS = 500
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,14 @@ class Scene:
         if self.geometry is None:
             return None
         return compute_free_space(self.geometry, self.estimate, self.estimator, self.floor, self.frame.color)
+
+    @cached_property
+    def sees_floor(self) -> bool:
+        """Whether so much floor is seen and measured that depth could confirm where it is."""
+        if self.geometry is None:
+            return False
+        seen = np.count_nonzero((self.estimate.labels == FLOOR) & (self.geometry.inverse_depth > 0))
+        return bool(seen >= max(self.estimator.floor_min_share * self.estimate.labels.size, _LEAST_PIXELS))
 
     @cached_property
     def objects(self) -> tuple[ObjectCuboid, ...]:

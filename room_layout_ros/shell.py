@@ -187,6 +187,7 @@ class Shell:
         return "running"
 
     def _facts(self) -> NodeFacts:
+        answer = self._floor_pose.answer
         return NodeFacts(
             inputs=self._inputs.facts(self._settings),
             state=self._state(),
@@ -194,7 +195,9 @@ class Shell:
             no_data_timeout_s=self._settings.node.no_data_timeout,
             max_stamp_gap_s=self._settings.node.max_stamp_gap,
             profile=str(dds_profile()),
-            floor=self._floor_pose.source,
+            pose_source=self._settings.node.pose_source,
+            floor=str(answer),
+            floor_missing=answer.missing,
             transforms=self._transforms.said(),
         )
 

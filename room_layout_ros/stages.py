@@ -20,6 +20,7 @@ from .floor_pose import FloorPose
 from .inputs import ImageItem, assemble
 from .outputs import OUTPUTS
 from .publications import Publications
+from .runtime.health import NO_DEPTH, NO_FLOOR, NOT_USED, FloorOutcome
 from .runtime.pairing import Pair
 from .runtime.session import RefusedError
 from .runtime.warm_up import warm_up_frame
@@ -87,16 +88,17 @@ class NodeStages:
         end = time.monotonic() + settings.node.deadline_ms * 1e-3
         return settings.estimator.estimate(frame, prior, lambda: time.monotonic() > end)
 
-    def publish(self, frame: RgbdFrame, estimate: RoomEstimate, settings: Settings) -> None:
-        """Send what somebody listens to."""
+    def publish(self, frame: RgbdFrame, estimate: RoomEstimate, settings: Settings) -> FloorOutcome | None:
+        """Send what somebody listens to; say what became of the floor, None where nobody wanted it."""
         floor = self._floor_pose.expect(frame.frame_id, frame.stamp_ns, settings.node)
         scene = Scene(frame, estimate, settings.node, settings.estimator.config, floor)
-        on_floor = self._publications.send(scene)
-        if on_floor and scene.free_space is not None and settings.node.broadcast_floor:
+        sent = self._publications.send(scene)
+        if sent.on_floor and scene.free_space is not None and settings.node.broadcast_floor:
             T_camera_floor = scene.free_space.T_camera_floor
             self._transforms.broadcast(
                 encode_transform(T_camera_floor, frame.stamp_ns, frame.frame_id, scene.floor_frame)
             )
+        return _floor_outcome(scene) if sent.floor_wanted else None
 
     def complain(self, cause: str, sentence: str) -> None:
         """Log."""
@@ -105,3 +107,14 @@ class NodeStages:
     def now_ns(self) -> int:
         """Time on the node's clock."""
         return int(self._node.get_clock().now().nanoseconds)
+
+
+def _floor_outcome(scene: Scene) -> FloorOutcome:
+    if not scene.estimator.use_depth:
+        return FloorOutcome("", NOT_USED)
+    if scene.geometry is None:
+        return FloorOutcome("", NO_DEPTH)
+    space = scene.free_space
+    if space is None:
+        return FloorOutcome("", NO_FLOOR)
+    return FloorOutcome(space.source, confirmed=space.source.endswith("+depth") or not scene.sees_floor)

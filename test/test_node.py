@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -273,6 +274,14 @@ def test_all_outputs_say_the_same_stamp(bench: Bench, first: int) -> None:
     assert [m.polygon.id for m in bench.heard["estimator/polygons"]][-len(faces) :] == faces
     for ear in ears:
         bench.other.destroy_subscription(ear)
+
+
+def test_what_needs_a_floor_is_what_sends_nothing_without_one() -> None:
+    config = EstimatorConfig()
+    frame = room_frame(0)
+    estimate = QuickEstimator(config).estimate(frame)
+    without = Scene(replace(frame, depth_m=None), estimate, NodeConfig(), config)
+    assert {o.topic for o in OUTPUTS if o.needs_floor} == {o.topic for o in OUTPUTS if not o.encode(without)}
 
 
 def test_label_names_come_to_late_listeners_too(bench: Bench) -> None:

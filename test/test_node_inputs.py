@@ -190,7 +190,7 @@ def test_unregistered_depth_is_registered_by_tf(tf: FakeBuffer) -> None:
 
 def said(bench: Bench, key: str) -> str:
     statuses = bench.heard["/diagnostics"][-1].status
-    return next(v.value for s in statuses if s.name.endswith(": estimates") for v in s.values if v.key == key)
+    return next(v.value for s in statuses if s.name.endswith(": floor") for v in s.values if v.key == key)
 
 
 FLOOR_GIVEN: dict[str, Any] = {"pose_source": "parameters", "camera_height": 1.3}
@@ -207,7 +207,7 @@ def test_gravity_comes_from_tf(tf: FakeBuffer) -> None:
         bench.expect(0)
         prior = bench.estimators[0].priors[-1]
         np.testing.assert_allclose(prior.gravity, [0.0, 1.0, 0.0], atol=1e-9)
-        bench.until(lambda: said(bench, "floor") == "tf")
+        bench.until(lambda: said(bench, "expected") == "tf")
         assert said(bench, "transforms") == ""
 
 
@@ -222,7 +222,7 @@ def test_gravity_is_that_of_the_frames_time_not_the_newest(tf: FakeBuffer) -> No
         level, nodding = (prior.gravity for prior in bench.estimators[0].priors[-2:])
         np.testing.assert_allclose(level, [0.0, 1.0, 0.0], atol=1e-9)
         np.testing.assert_allclose(nodding, [0.0, np.cos(0.2), np.sin(0.2)], atol=1e-5)
-        bench.until(lambda: said(bench, "floor") == "tf")
+        bench.until(lambda: said(bench, "expected") == "tf")
         assert said(bench, "transforms") == ""
 
 
@@ -300,7 +300,79 @@ def test_without_tf_the_floor_decides() -> None:
         bench.connect()
         bench.expect(0)
         assert bench.estimators[0].priors[-1] is None
-        bench.until(lambda: said(bench, "floor").startswith("estimate (no transform between base_footprint"))
+        words = f"estimate (no transform between 'base_footprint' and '{FRAME_ID}' is known"
+        bench.until(lambda: said(bench, "expected").startswith(words))
+        bench.until(lambda: bench.well("floor"))
+
+
+def test_tf_that_was_asked_for_and_does_not_know_the_robot_is_a_warning_with_both_frames() -> None:
+    with running(pose_source="tf", robot_frame="base") as bench:
+        bench.connect()
+        bench.expect(0)
+        words = f"pose_source is tf, but no transform between 'base' and '{FRAME_ID}' is known"
+        bench.until(lambda: bench.said("floor", words))
+        assert bench.node.set_parameters([Parameter("pose_source", value="estimate")])[0].successful
+        bench.until_subscribed()
+        bench.expect(1)
+        bench.until(lambda: bench.well("floor"))
+
+
+def frames_of_floor(bench: Bench, depth: Any, first: int) -> list[Any]:
+    """Send frames until the node has counted two of which somebody wants the floor; return the scans."""
+    before = bench.health().floors
+    for i in range(first, first + 100):
+        bench.send(i, depth=depth(i))
+        bench.spin(0.1)
+        if bench.health().floors >= before + 2:
+            break
+    return bench.heard["estimator/scan"]
+
+
+def test_f06_frames_without_a_floor_are_counted_and_said_while_somebody_listens() -> None:
+    def thin(i: int) -> Any:  # 1 of 100 pixels has depth: a room, to the made-up estimator, but no floor
+        mm = room_images(i)[1]
+        mm[np.arange(mm.size).reshape(mm.shape) % 100 > 0] = 0
+        return encode_image(mm, stamp_ns(i), FRAME_ID)
+
+    with running(**FLOOR_GIVEN) as bench:
+        bench.connect()
+        bench.send(0, depth=thin(0))
+        bench.until(lambda: bench.labels_of(0))
+        bench.spin(0.3)
+        assert bench.well("floor"), "nobody wants the floor"
+        bench.listen("estimator/scan", messages.LaserScan)
+        assert not frames_of_floor(bench, thin, 1)
+        bench.until(lambda: bench.said("floor", "no floor (too little depth) for", "send nothing"))
+        health = bench.health()
+        assert health.no_floor == {"too little depth": health.floors}
+        assert frames_of_floor(bench, lambda i: None, 200)
+        bench.until(lambda: said(bench, "source").startswith("parameters"))
+        bench.until(lambda: bench.well("floor"))
+
+
+def test_f06_without_depth_the_outputs_of_the_floor_say_why_they_are_silent() -> None:
+    with running(use_depth=False, **FLOOR_GIVEN) as bench:
+        bench.listen("estimator/scan", messages.LaserScan)
+        bench.until(lambda: bench.cameras["color"].get_subscription_count())
+        bench.until(lambda: bench.cameras["camera_info"].get_subscription_count())
+        bench.spin(0.2)
+        assert not frames_of_floor(bench, lambda i: False, 0)
+        bench.until(lambda: bench.said("floor", "no floor (use_depth is false) for"))
+
+
+@pytest.mark.parametrize(("height", "confirmed"), ((1.3, True), (1.7, False)))
+def test_d03_a_floor_that_depth_does_not_confirm_is_a_warning(height: float, confirmed: bool) -> None:
+    with running(pose_source="parameters", camera_height=height, camera_pitch_deg=6.0) as bench:
+        bench.connect()
+        bench.listen("estimator/scan", messages.LaserScan)
+        frames_of_floor(bench, lambda i: None, 0)
+        if confirmed:
+            bench.until(lambda: said(bench, "source") == "parameters+depth")
+            assert bench.health().floors_not_confirmed == 0
+        else:
+            bench.until(lambda: said(bench, "source") == "parameters")
+            words = "depth does not confirm the floor where parameters expects it for"
+            bench.until(lambda: bench.said("floor", words, "check height and tilt"))
 
 
 @pytest.mark.parametrize("imu_to_camera", ("", "0 0 0 1 0 0 1"))
@@ -322,4 +394,4 @@ def test_gravity_comes_from_an_imu(imu_to_camera: str) -> None:
         np.testing.assert_allclose(
             bench.estimators[0].priors[-1].gravity, expected / np.linalg.norm(expected), atol=1e-6
         )
-        bench.until(lambda: said(bench, "floor") == "imu")
+        bench.until(lambda: said(bench, "expected") == "imu")

@@ -36,7 +36,7 @@ def with_input(stream: str, **changes: Any) -> NodeFacts:
 
 def test_a_healthy_node_says_so() -> None:
     found = findings()
-    assert list(found) == ["input colour", "input depth", "input camera_info", "estimates"]
+    assert list(found) == ["input colour", "input depth", "input camera_info", "estimates", "floor"]
     assert {f.level for f in found.values()} == {Level.OK}
     assert found["estimates"].message == "30.0 estimates per second, 20 ms each"
 
@@ -144,3 +144,42 @@ def test_a_stream_that_is_not_used_is_not_missed() -> None:
     found = findings(health, facts=with_input(COLOR, wanted=False, publishers=0))
     assert found["input colour"].level == Level.OK
     assert found["estimates"].level == Level.OK
+
+
+def floor_of(before: Health = BEFORE, facts: NodeFacts = FACTS, **changes: Any) -> tuple[Level, str]:
+    found = findings(replace(HEALTHY, **changes), before, facts)["floor"]
+    return found.level, found.message
+
+
+def test_f06_the_floor_says_where_it_is_from_and_nothing_where_nobody_wants_it() -> None:
+    assert floor_of(floors=30, floor_source="tf+depth") == (Level.OK, "floor from tf+depth")
+    assert floor_of() == (Level.OK, "no frame of which somebody wants the floor")
+    values = findings(replace(HEALTHY, floors=30, floor_source="tf"), facts=replace(FACTS, floor="tf"))["floor"].values
+    assert (values["expected"], values["source"], values["frames"]) == ("tf", "tf", "30")
+
+
+def test_f06_frames_without_a_floor_are_a_warning_while_it_lasts() -> None:
+    none = {"none in view, none given": 7, "too little depth": 1}
+    words = "no floor (none in view, none given) for 8 of 30 frames; outputs that need one send nothing"
+    assert floor_of(floors=30, no_floor=none) == (Level.WARN, words)
+    over = replace(BEFORE, floors=30, no_floor=none)
+    assert floor_of(over, floors=60, no_floor=none, floor_source="cuboid+depth")[0] == Level.OK
+    values = findings(replace(HEALTHY, floors=30, no_floor=none))["floor"].values
+    assert values["no floor: too little depth"] == "1"
+
+
+def test_d03_a_floor_that_depth_does_not_confirm_names_its_source() -> None:
+    level, words = floor_of(facts=replace(FACTS, floor="tf"), floors=30, floors_not_confirmed=3, floor_source="tf")
+    assert level == Level.WARN
+    assert words.startswith("depth does not confirm the floor where tf expects it for 3 of 30 frames; check height")
+    over = replace(BEFORE, floors=30, floors_not_confirmed=3)
+    assert floor_of(over, floors=60, floors_not_confirmed=3, floor_source="tf+depth")[0] == Level.OK
+
+
+@pytest.mark.parametrize(("source", "level"), (("auto", Level.OK), ("tf", Level.WARN), ("imu", Level.WARN)))
+def test_f07_a_source_that_was_asked_for_and_gives_nothing_is_a_warning(source: str, level: Level) -> None:
+    facts = replace(FACTS, pose_source=source, floor="estimate (x)", floor_missing="x")
+    found = findings(facts=facts)["floor"]
+    assert found.level == level
+    if level:
+        assert found.message == f"pose_source is {source}, but x; the floor that is seen decides"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -48,8 +48,11 @@ class NodeFacts:
     max_stamp_gap_s: float = 0.02
     profile: str = "config/fastdds.xml"
     """Path of the DDS profile that cures lost images."""
+    pose_source: str = "auto"
     floor: str = ""
-    """Where the floor was expected from."""
+    """Where the floor of the last frame was expected from."""
+    floor_missing: str = ""
+    """Why `pose_source` could not say where the floor is; "" where it could."""
     transforms: str = ""
     """Which transforms were not known at the time of a frame; "" where none."""
 
@@ -67,9 +70,9 @@ class Finding:
 
 
 def diagnose(health: Health, before: Health, facts: NodeFacts) -> list[Finding]:
-    """Return the state of every input and of the estimates; `before` is the snapshot of the last call."""
+    """Return the state of every input, the estimates and the floor; `before` is the snapshot of the last call."""
     findings = [_input(s, health.streams[s], before.streams[s], facts) for s in facts.inputs]
-    return [*findings, _estimates(health, before, facts)]
+    return [*findings, _estimates(health, before, facts), _floor(health, before, facts)]
 
 
 def _input(stream: str, now: StreamHealth, before: StreamHealth, facts: NodeFacts) -> Finding:
@@ -126,8 +129,6 @@ def _estimates(health: Health, before: Health, facts: NodeFacts) -> Finding:
         **{f"no estimate: {status}": str(n) for status, n in sorted(health.no_estimate.items())},
         **{f"dropped: {reason}": str(n) for reason, n in sorted(health.dropped.items())},
         "resets": str(health.resets),
-        "floor": facts.floor,
-        "transforms": facts.transforms,
         "latency_p50_ms": f"{health.latency_p50_ms:.1f}",
         "latency_p99_ms": f"{health.latency_p99_ms:.1f}",
         "age_p50_ms": f"{health.age_p50_ms:.1f}",
@@ -172,3 +173,43 @@ def _is_apart(health: Health, facts: NodeFacts) -> bool:
     limit = facts.no_data_timeout_s
     arriving = all(health.streams[s].usable_silence_s < limit for s in (COLOR, DEPTH) if s in health.streams)
     return arriving and health.turns_apart >= _TURNS_APART and min(health.pair_silence_s, facts.listening_s) > limit
+
+
+def _floor(health: Health, before: Health, facts: NodeFacts) -> Finding:
+    level, message = _floor_state(health, before, facts)
+    values = {
+        "expected": facts.floor,
+        "source": health.floor_source,
+        "frames": str(health.floors),
+        **{f"no floor: {reason}": str(n) for reason, n in sorted(health.no_floor.items())},
+        "not confirmed": str(health.floors_not_confirmed),
+        "transforms": facts.transforms,
+    }
+    return Finding("floor", level, message, values)
+
+
+def _floor_state(health: Health, before: Health, facts: NodeFacts) -> tuple[Level, str]:
+    if facts.state != "running":
+        return Level.OK, facts.state
+    wrong = [*_floor_faults(health, before, facts)]
+    if facts.floor_missing and facts.pose_source != "auto":
+        wrong.append(f"pose_source is {facts.pose_source}, but {facts.floor_missing}; the floor that is seen decides")
+    if wrong:
+        return Level.WARN, "; ".join(wrong)
+    if health.floors > before.floors:
+        return Level.OK, f"floor from {health.floor_source}"
+    return Level.OK, "no frame of which somebody wants the floor"
+
+
+def _floor_faults(health: Health, before: Health, facts: NodeFacts) -> Iterator[str]:
+    asked = health.floors - before.floors
+    missing = {reason: n - before.no_floor.get(reason, 0) for reason, n in health.no_floor.items()}
+    if any(missing.values()):
+        reason = max(missing, key=lambda r: missing[r])
+        yield f"no floor ({reason}) for {sum(missing.values())} of {asked} frames; outputs that need one send nothing"
+    doubtful = health.floors_not_confirmed - before.floors_not_confirmed
+    if doubtful:
+        yield (
+            f"depth does not confirm the floor where {facts.floor} expects it for {doubtful} of {asked} frames; "
+            "check height and tilt of the camera"
+        )

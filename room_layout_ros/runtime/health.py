@@ -32,6 +32,26 @@ class StreamHealth:
     last_refusal: str = ""
 
 
+NO_DEPTH, NOT_USED, NO_FLOOR = "too little depth", "use_depth is false", "none in view, none given"
+"""Why a frame has no floor."""
+
+
+@dataclass(frozen=True, slots=True)
+class FloorOutcome:
+    """What became of the floor of a frame when somebody listened to an output that needs it.
+
+    Attributes
+    ----------
+    source : of the plane, "+depth" behind it where depth refined it; "" without a floor.
+    missing : why there was none; "" with a floor.
+    confirmed : False where floor was in view and depth does not lie where the source says.
+    """
+
+    source: str
+    missing: str = ""
+    confirmed: bool = True
+
+
 @dataclass(frozen=True, slots=True)
 class Health:
     """Snapshot: made = published + sum(no_estimate) + sum(dropped) + in_flight."""
@@ -58,6 +78,12 @@ class Health:
     last_drop: str = ""
     frame_id: str | None = None
     """Of the last frame; None before the first."""
+    floors: int = 0
+    """Frames of which somebody wanted the floor: with one + sum(no_floor)."""
+    no_floor: Mapping[str, int] = field(default_factory=dict)
+    floors_not_confirmed: int = 0
+    floor_source: str = ""
+    """Of the last frame of which somebody wanted the floor; "" where it had none."""
     stages_ms: Mapping[str, float] = field(default_factory=dict)
     """Median time per stage of the estimator."""
 
@@ -95,6 +121,10 @@ class PairCount:
     resets: int = 0
     last_drop: str = ""
     frame_id: str | None = None
+    floors: int = 0
+    no_floor: Counter[str] = field(default_factory=Counter)
+    floors_not_confirmed: int = 0
+    floor_source: str = ""
     rate: Rate = field(default_factory=Rate)
     pairs: Rate = field(default_factory=Rate)
     latencies_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_WINDOW))
@@ -105,6 +135,14 @@ class PairCount:
     def in_flight(self) -> int:
         """Pairs whose end is not known yet."""
         return self.made - self.published - self.no_estimate.total() - self.dropped.total()
+
+    def count_floor(self, outcome: FloorOutcome) -> None:
+        """Note what became of the floor of a frame."""
+        self.floors += 1
+        self.floor_source = outcome.source
+        self.floors_not_confirmed += not outcome.confirmed
+        if outcome.missing:
+            self.no_floor[outcome.missing] += 1
 
     def snapshot(self, streams: Mapping[str, StreamHealth], turns_apart: int, now_ns: int) -> Health:
         """Return the counters as a value."""
@@ -126,6 +164,10 @@ class PairCount:
             age_p99_ms=quantile(self.ages_ms, 0.99),
             last_drop=self.last_drop,
             frame_id=self.frame_id,
+            floors=self.floors,
+            no_floor=dict(self.no_floor),
+            floors_not_confirmed=self.floors_not_confirmed,
+            floor_source=self.floor_source,
             stages_ms=_medians(self.stages_ms),
         )
 

@@ -16,7 +16,7 @@ from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 
 from .camera_history import CameraHistory
-from .health import Health, PairCount, StreamTimes, stream_snapshot
+from .health import FloorOutcome, Health, PairCount, StreamTimes, stream_snapshot
 from .live_loop import LiveLoop
 from .pairing import COLOR, DEPTH, STAMP_FAULTS, Pair, PairingRules, StreamCount, StreamPairing
 
@@ -54,8 +54,9 @@ class Stages(Protocol):
         """Estimate the room."""
         ...
 
-    def publish(self, frame: RgbdFrame, estimate: RoomEstimate, settings: Any) -> None:
-        """Send the results."""
+    def publish(self, frame: RgbdFrame, estimate: RoomEstimate, settings: Any) -> FloorOutcome | None:
+        """Send the results; say what became of the floor, None where nobody wanted it."""
+        ...
 
     def complain(self, cause: str, sentence: str) -> None:
         """Log (at most one line per second and cause)."""
@@ -265,15 +266,15 @@ class EstimatorSession:
 
     def _send(self, result: _Result) -> None:
         """Publish one result, whatever happens."""
-        start = self._clock()
+        start, floor = self._clock(), None
         try:
             if result.estimate.cuboid is not None:
-                self._stages.publish(result.frame, result.estimate, result.settings)
+                floor = self._stages.publish(result.frame, result.estimate, result.settings)
         except Exception as error:  # noqa: BLE001
             self._lose(result.job, error)
         else:
             own_ms = {"decode": result.decode_ms, "outputs": (self._clock() - start) * 1e-6}
-            self._finish(result, {**result.estimate.timings_ms, **own_ms})
+            self._finish(result, {**result.estimate.timings_ms, **own_ms}, floor)
 
     def _lose(self, job: _Job, error: Exception) -> None:
         self._dropped(job, "error", f"{type(error).__name__} in the estimator: {error}; this frame is lost")
@@ -290,12 +291,14 @@ class EstimatorSession:
             names = f"from {before[1][:40]!r} to {frame.frame_id[:40]!r}"
             self._stages.complain("frame_id", f"frame_id changed {names}; starting afresh")
 
-    def _finish(self, result: _Result, stages_ms: Mapping[str, float]) -> None:
+    def _finish(self, result: _Result, stages_ms: Mapping[str, float], floor: FloorOutcome | None) -> None:
         estimate = result.estimate
         age_ms = (self._stages.now_ns() - result.frame.stamp_ns) * 1e-6
         with self._lock:
             now, pairs = self._clock(), self._pairs
             pairs.frame_id = result.frame.frame_id
+            if floor is not None:
+                pairs.count_floor(floor)
             if estimate.cuboid is not None:
                 pairs.published += 1
                 pairs.rate.tick(now)
