@@ -12,6 +12,7 @@ from msg_adapters.text import clean_text
 
 from .core.floor_plane import FloorPlane
 from .node_config import FindTransform, NodeConfig, parse_pose
+from .runtime.session import RefusedError
 
 _STANDARD_GRAVITY = 9.80665
 _TOLERANCE = 2.0
@@ -49,10 +50,21 @@ class FloorPose:
         """Where the last answer came from, for the diagnostics."""
 
     def add_imu(self, stamp_ns: int, frame_id: str, acceleration: NDArray[np.float64]) -> None:
-        """Take a reading: (3,) m/s^2, which points up at rest (REP-145). Low-passed over half a second."""
+        """Take a reading: (3,) m/s^2, which points up at rest (REP-145). Low-passed over half a second.
+
+        Raises
+        ------
+        RefusedError
+            not finite, not gravity (a robot that brakes; another unit).
+        """
         length = float(np.linalg.norm(acceleration))
-        if not abs(length - _STANDARD_GRAVITY) <= _TOLERANCE:
-            return
+        if not np.isfinite(length):
+            raise RefusedError("not finite", f"acceleration has a value that is not finite ({length})")
+        if abs(length - _STANDARD_GRAVITY) > _TOLERANCE:
+            raise RefusedError(
+                "not gravity",
+                f"acceleration is {length:.1f} m/s^2; at rest it has to be {_STANDARD_GRAVITY:.1f} m/s^2 (REP-145)",
+            )
         with self._lock:
             elapsed = stamp_ns - self._imu_ns
             fresh = self._acceleration is None or frame_id != self._imu_frame or not 0 <= elapsed < _UP_TO_DATE_NS

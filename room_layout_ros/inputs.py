@@ -33,6 +33,7 @@ INPUT_TOPICS = {
     CAMERA: "rgb/camera_info",
     DEPTH_CAMERA: "depth/camera_info",
 }
+IMU_TOPIC = "imu"
 TRANSPORTS = {COLOR: ("raw", "compressed"), DEPTH: ("raw", "compressedDepth")}
 """Transports that a stream may come by; the others come raw."""
 _ALIGNED = "use the driver's aligned depth topic, or depth_registered: false"

@@ -23,7 +23,7 @@ from .node_config import NodeConfig
 from .publications import Publications
 from .reporter import Reporter, dds_profile
 from .runtime.diagnosis import NodeFacts
-from .runtime.session import CAMERA, CAMERAS, EstimatorSession, RefusedError
+from .runtime.session import CAMERA, CAMERAS, IMU, EstimatorSession, RefusedError
 from .runtime.throttle import Throttle
 from .settings import MakeEstimator, Settings, check_streams
 from .stages import NodeStages
@@ -159,9 +159,18 @@ class Shell:
             session.refuse(stream, refused.reason, str(refused))
 
     def _on_imu(self, message: Any) -> None:
-        a = message.linear_acceleration
-        stamp_ns = decode_stamp(message.header.stamp)
-        self._floor_pose.add_imu(stamp_ns, message.header.frame_id, np.array([a.x, a.y, a.z]))
+        session, a = self._session, message.linear_acceleration
+        if session is None:
+            return
+        try:
+            stamp_ns = decode_stamp(message.header.stamp)
+            self._floor_pose.add_imu(stamp_ns, message.header.frame_id, np.array([a.x, a.y, a.z]))
+        except RefusedError as refused:
+            session.count_refused(IMU, refused.reason, str(refused))
+        except ValueError as error:
+            session.count_refused(IMU, "bad stamp", str(error))
+        else:
+            session.count_used(IMU)
 
     def _on_lost(self, stream: str, number: int) -> None:
         if self._session is not None:

@@ -14,13 +14,11 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from msg_adapters import messages
 
-from .inputs import INPUT_TOPICS, TRANSPORTS, transport_of
+from .inputs import IMU_TOPIC, INPUT_TOPICS, TRANSPORTS, transport_of
 from .runtime.diagnosis import InputFacts
 from .runtime.pairing import COLOR, DEPTH
-from .runtime.session import CAMERA, CAMERAS
+from .runtime.session import CAMERA, CAMERAS, IMU
 from .settings import Settings
-
-IMU_TOPIC = "imu"
 
 _DEPTH = 5
 
@@ -78,8 +76,11 @@ class Subscriptions:
             if wanted:
                 self._subscribe(stream, settings)
         if settings.node.pose_source == "imu":
-            callback = partial(self._guard, "callback of imu", self._on_imu)
-            self._open[IMU_TOPIC] = self._node.create_subscription(messages.Imu, IMU_TOPIC, callback, **_qos())
+            callback = partial(self._guard, "callback of imu", self._take_imu)
+            events = SubscriptionEventCallbacks(incompatible_qos=partial(self._clash, IMU))
+            self._open[IMU] = self._node.create_subscription(
+                messages.Imu, IMU_TOPIC, callback, event_callbacks=events, **_qos()
+            )
         self._since = time.monotonic()
         self._node.get_logger().info(f"listening to {', '.join(s.topic_name for s in self._open.values())}")
 
@@ -97,6 +98,9 @@ class Subscriptions:
                 topic = self._topic(stream, settings)
                 publishers = self._node.count_publishers(topic)
                 facts[stream] = InputFacts(topic, wanted, publishers, self._clashes.get(stream, ""))
+        if settings.node.pose_source == "imu":
+            topic = self._node.resolve_topic_name(IMU_TOPIC)
+            facts[IMU] = InputFacts(topic, True, self._node.count_publishers(topic), self._clashes.get(IMU, ""))
         return facts
 
     def _topic(self, stream: str, settings: Settings) -> str:
@@ -150,6 +154,10 @@ class Subscriptions:
         if number is not None:
             self._count_gap(stream, number)
         self._on_message(stream, serialized)
+
+    def _take_imu(self, message: Any) -> None:
+        self._clashes.pop(IMU, None)
+        self._on_imu(message)
 
     def _count_gap(self, stream: str, number: int) -> None:
         """Count messages that the publisher numbered and that did not come.

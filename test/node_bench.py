@@ -108,6 +108,7 @@ class Bench:
         self.executor.add_node(self.node)
         self.executor.add_node(self.other)
         self.cameras = {s: self.camera(s, QoSProfile(depth=10)) for s in (COLOR, DEPTH, CAMERA)}
+        self.imu: Any = None
         self.heard: dict[str, list[Any]] = defaultdict(list)
         self.listen("/diagnostics", messages.DiagnosticArray)
 

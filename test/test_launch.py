@@ -67,8 +67,7 @@ def started(launch_file: dict[str, Any], **given: str) -> list[Recorded]:
 @pytest.mark.parametrize("camera", ("realsense", "oak", "orbbec", "azure_kinect", "openni", "none"))
 def test_a_preset_remaps_every_input_of_the_node(launch_file: dict[str, Any], camera: str) -> None:
     pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
-    from room_layout_ros.inputs import INPUT_TOPICS
-    from room_layout_ros.subscriptions import IMU_TOPIC
+    from room_layout_ros.inputs import IMU_TOPIC, INPUT_TOPICS
 
     (node,) = started(launch_file, camera=camera)
     remapped = dict(node.named["remappings"])
@@ -205,10 +204,9 @@ def test_the_dds_profile_has_room_for_images(repository: Path, launch_file: dict
 
 def test_every_topic_is_documented_with_its_type_and_frame(repository: Path) -> None:
     pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
-    from room_layout_ros.inputs import INPUT_TOPICS
+    from room_layout_ros.inputs import IMU_TOPIC, INPUT_TOPICS
     from room_layout_ros.outputs import OUTPUTS
     from room_layout_ros.publications import DIAGNOSTICS_TOPIC, LABEL_NAMES_TOPIC
-    from room_layout_ros.subscriptions import IMU_TOPIC
 
     page = (repository / "docs" / "topics.md").read_text("utf-8")
     rows = re.findall(r"^\| `([^`]+)` \| (\S+) \| ([^|]+) \|", page, flags=re.MULTILINE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -395,3 +396,72 @@ def test_gravity_comes_from_an_imu(imu_to_camera: str) -> None:
             bench.estimators[0].priors[-1].gravity, expected / np.linalg.norm(expected), atol=1e-6
         )
         bench.until(lambda: said(bench, "expected") == "imu")
+
+
+def readings(bench: Bench, up: tuple[float, float, float], frame_id: str = FRAME_ID, number: int = 5) -> None:
+    """Publish readings of an accelerometer at the time of frame 0."""
+    message = messages.Imu(header=encode_header(stamp_ns(0), frame_id))
+    message.linear_acceleration.x, message.linear_acceleration.y, message.linear_acceleration.z = up
+    for _ in range(number):
+        bench.imu.publish(message)
+        bench.spin(0.02)
+
+
+@pytest.fixture
+def imu_bench() -> Iterator[Bench]:
+    """A node that takes the floor from an IMU, which is published under `bench.imu`."""
+    with running(pose_source="imu") as bench:
+        bench.connect()
+        bench.imu = bench.other.create_publisher(messages.Imu, "imu", 10)
+        bench.until(bench.imu.get_subscription_count)
+        bench.spin(0.2)
+        yield bench
+
+
+@pytest.mark.parametrize(
+    ("up", "reason", "words"),
+    (
+        ((0.0, 0.0, 0.0), "not gravity", "acceleration is 0.0 m/s^2; at rest it has to be 9.8 m/s^2"),
+        ((0.0, -1.0, 0.0), "not gravity", "acceleration is 1.0 m/s^2"),
+        ((0.0, np.nan, 0.0), "not finite", "not finite"),
+    ),
+    ids=("zeros", "in g", "nan"),
+)
+def test_f07_readings_that_are_not_gravity_are_counted_and_named(
+    imu_bench: Bench, up: tuple[float, float, float], reason: str, words: str
+) -> None:
+    readings(imu_bench, up)
+    imu_bench.until(lambda: imu_bench.said("input imu", "no imu reading can be used", words))
+    stream = imu_bench.health().streams["imu"]
+    assert (stream.refused, stream.paired) == ({reason: stream.received}, 0)
+    imu_bench.expect(0)
+    imu_bench.until(lambda: imu_bench.said("floor", "pose_source is imu, but no usable reading has come on imu"))
+    readings(imu_bench, (0.0, -9.8, 0.0))
+    imu_bench.until(lambda: imu_bench.well("input imu"))
+    imu_bench.expect(1)
+    imu_bench.until(lambda: imu_bench.well("floor"))
+
+
+def test_f07_a_reading_without_a_stamp_is_counted(imu_bench: Bench) -> None:
+    imu_bench.imu.publish(messages.Imu())
+    imu_bench.until(lambda: imu_bench.health().streams["imu"].refused == {"bad stamp": 1})
+
+
+def test_f07_an_imu_whose_pose_is_not_known_is_named_with_both_frames(imu_bench: Bench) -> None:
+    readings(imu_bench, (0.0, -9.8, 0.0), "imu_link")
+    imu_bench.expect(0)
+    words = (
+        f"no transform between 'imu_link' and '{FRAME_ID}' is known (tf2 must be installed), and imu_to_camera is empty"
+    )
+    imu_bench.until(lambda: imu_bench.said("floor", "pose_source is imu, but", words))
+    imu_bench.expect(100)
+    imu_bench.until(lambda: imu_bench.said("floor", "the last usable reading of imu is over 2 s before or after"))
+
+
+def test_f07_an_imu_that_nobody_publishes_is_named_with_its_topic() -> None:
+    with running(pose_source="imu") as bench:
+        bench.connect()
+        words = f"on {bench.namespace}/imu; nobody publishes it"
+        bench.until(lambda: bench.said("input imu", "no imu for", words))
+        assert bench.node.set_parameters([Parameter("pose_source", value="auto")])[0].successful
+        bench.until(lambda: "input imu" not in bench.diagnosis())

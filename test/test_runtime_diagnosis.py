@@ -10,7 +10,7 @@ import pytest
 from room_layout_ros.runtime.diagnosis import Finding, InputFacts, Level, NodeFacts, diagnose
 from room_layout_ros.runtime.health import Health, StreamHealth
 from room_layout_ros.runtime.pairing import COLOR, DEPTH
-from room_layout_ros.runtime.session import CAMERA
+from room_layout_ros.runtime.session import CAMERA, IMU
 
 TOPICS = {COLOR: "/rgb", DEPTH: "/depth", CAMERA: "/info"}
 FACTS = NodeFacts(inputs={s: InputFacts(t, publishers=1) for s, t in TOPICS.items()}, listening_s=60.0)
@@ -183,3 +183,27 @@ def test_f07_a_source_that_was_asked_for_and_gives_nothing_is_a_warning(source: 
     assert found.level == level
     if level:
         assert found.message == f"pose_source is {source}, but x; the floor that is seen decides"
+
+
+WITH_IMU = replace(FACTS, inputs={**FACTS.inputs, IMU: InputFacts("/imu", publishers=1)}, pose_source="imu")
+
+
+def imu_of(now: StreamHealth, facts: NodeFacts = WITH_IMU) -> tuple[Level, str]:
+    before = replace(BEFORE, streams={**BEFORE.streams, IMU: StreamHealth(received=100, paired=90)})
+    found = findings(replace(HEALTHY, streams={**HEALTHY.streams, IMU: now}), before, facts)["input imu"]
+    return found.level, found.message
+
+
+def test_f07_an_imu_that_is_silent_or_of_no_use_is_a_warning_with_topic_and_reason() -> None:
+    assert imu_of(replace(FLOWING, rate_hz=200.0)) == (Level.OK, "imu at 200.0 Hz")
+    nobody = replace(WITH_IMU, inputs={**FACTS.inputs, IMU: InputFacts("/imu", publishers=0)})
+    silent = StreamHealth(received=100, paired=90)
+    assert imu_of(silent, nobody) == (Level.WARN, "no imu for 60 s on /imu; nobody publishes it")
+    useless = replace(FLOWING, received=140, paired=90, refused={"not gravity": 50}, last_refusal="1.0 m/s^2")
+    assert imu_of(useless) == (Level.WARN, "no imu reading can be used: 1.0 m/s^2")
+    assert imu_of(useless, replace(WITH_IMU, state="inactive")) == (Level.OK, "inactive")
+
+
+def test_f07_a_robot_that_brakes_is_no_fault_of_its_imu() -> None:
+    braking = replace(FLOWING, received=140, paired=120, refused={"not gravity": 20}, last_refusal="13.0 m/s^2")
+    assert imu_of(braking) == (Level.OK, "imu at 30.0 Hz")

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 from .health import Health, StreamHealth
 from .pairing import COLOR, DEPTH
-from .session import CAMERA, CAMERAS, DEPTH_CAMERA
+from .session import CAMERA, CAMERAS, DEPTH_CAMERA, IMU
 
-NAMES = {COLOR: "colour", DEPTH: "depth", CAMERA: "camera_info", DEPTH_CAMERA: "camera_info of depth"}
+NAMES = {IMU: "imu", COLOR: "colour", DEPTH: "depth", CAMERA: "camera_info", DEPTH_CAMERA: "camera_info of depth"}
 
 
 class Level(IntEnum):
@@ -76,7 +76,7 @@ def diagnose(health: Health, before: Health, facts: NodeFacts) -> list[Finding]:
 
 
 def _input(stream: str, now: StreamHealth, before: StreamHealth, facts: NodeFacts) -> Finding:
-    level, message = _input_state(stream, now, before, facts)
+    level, message = (_imu_state if stream == IMU else _input_state)(stream, now, before, facts)
     logged = "messages refused" in message
     values = {
         "topic": facts.inputs[stream].topic,
@@ -116,6 +116,15 @@ def _input_state(stream: str, now: StreamHealth, before: StreamHealth, facts: No
     if graph.publishers > 1:
         return Level.WARN, f"{graph.publishers} publishers on {graph.topic}; there should be one"
     return Level.OK, f"{name} at {now.rate_hz:.1f} Hz"
+
+
+def _imu_state(stream: str, now: StreamHealth, before: StreamHealth, facts: NodeFacts) -> tuple[Level, str]:
+    """Return the state of an input that the node can do without; a reading refused now and then is no fault."""
+    level, message = _input_state(stream, replace(now, last_refusal=""), before, facts)
+    came, used = now.received - before.received, now.paired - before.paired
+    if facts.state == "running" and came and not used:
+        return Level.WARN, f"no imu reading can be used: {now.last_refusal}"
+    return min(level, Level.WARN), message
 
 
 def _estimates(health: Health, before: Health, facts: NodeFacts) -> Finding:

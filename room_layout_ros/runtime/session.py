@@ -22,7 +22,8 @@ from .pairing import COLOR, DEPTH, STAMP_FAULTS, Pair, PairingRules, StreamCount
 
 CAMERA, DEPTH_CAMERA = "camera_info", "depth_camera_info"
 CAMERAS = (CAMERA, DEPTH_CAMERA)
-STREAMS = (COLOR, DEPTH, *CAMERAS)
+IMU = "imu"
+STREAMS = (COLOR, DEPTH, *CAMERAS, IMU)
 
 
 class RefusedError(ValueError):
@@ -118,7 +119,7 @@ class EstimatorSession:
         self._lock = threading.RLock()  # handing a pair over drops the one before, which is counted under the lock too
         self._pairing: StreamPairing[Any] = StreamPairing(self._rules.pairing)
         self._cameras: dict[str, CameraHistory[Any]] = {s: CameraHistory() for s in CAMERAS}
-        self._camera_counts = {s: StreamCount() for s in CAMERAS}
+        self._counts = {s: StreamCount() for s in (*CAMERAS, IMU)}
         self._pairs = PairCount()
         self._times = {stream: StreamTimes() for stream in STREAMS}
         self._epoch = 0
@@ -164,22 +165,35 @@ class EstimatorSession:
     def add_camera(self, stream: str, stamp_ns: int, camera: object) -> bool:
         """Take a checked camera of CAMERA or DEPTH_CAMERA (stamp 0: none); return True if it differs from the last."""
         with self._lock:
-            self._times[stream].all.tick(self._clock())
-            self._camera_counts[stream].received += 1
-            self._camera_counts[stream].paired += 1
+            self._take(stream)
             return self._cameras[stream].add(stamp_ns, camera)
+
+    def count_used(self, stream: str) -> None:
+        """Count a message that was used at once, outside of the pairs (IMU)."""
+        with self._lock:
+            self._take(stream)
+
+    def _take(self, stream: str) -> None:
+        self._times[stream].all.tick(self._clock())
+        self._times[stream].usable.tick(self._clock())
+        self._counts[stream].received += 1
+        self._counts[stream].paired += 1
 
     def refuse(self, stream: str, reason: str, sentence: str) -> None:
         """Count a message that could not be used and say why."""
+        self.count_refused(stream, reason, sentence)
+        self._stages.complain(f"{stream}: {reason}", sentence)
+
+    def count_refused(self, stream: str, reason: str, sentence: str) -> None:
+        """Count a message that could not be used, without a word in the log."""
         with self._lock:
             self._times[stream].all.tick(self._clock())
             self._times[stream].last_refusal = sentence
-            if stream in CAMERAS:
-                self._camera_counts[stream].received += 1
-                self._camera_counts[stream].refused[reason] += 1
+            if stream in self._counts:
+                self._counts[stream].received += 1
+                self._counts[stream].refused[reason] += 1
             else:
                 self._pairing.refuse(stream, reason)
-        self._stages.complain(f"{stream}: {reason}", sentence)
 
     def count_lost(self, stream: str, number: int) -> None:
         """Count messages that were sent and never came."""
@@ -197,7 +211,7 @@ class EstimatorSession:
         """Return all counters as one consistent value."""
         with self._lock:
             now = self._clock()
-            counts = {**self._pairing.counts, **self._camera_counts}
+            counts = {**self._pairing.counts, **self._counts}
             streams = {s: stream_snapshot(counts[s], self._times[s], now) for s in STREAMS}
             return self._pairs.snapshot(streams, self._pairing.turns_apart, now)
 
