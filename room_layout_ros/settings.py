@@ -67,8 +67,7 @@ class Settings:
             When that is no calibration, or no stream is used.
         """
         check_streams(config)
-        camera = read_calibration(Path(node.camera_file)).intrinsics if node.camera_file else None
-        return cls(node, make_estimator(config), None if camera is None else CameraReading(camera, "", ""))
+        return cls(node, make_estimator(config), _read_camera(Path(node.camera_file)) if node.camera_file else None)
 
     def changed(self, config: EstimatorConfig, node: NodeConfig, make_estimator: MakeEstimator) -> Settings:
         """Return the set with other values; the estimator stays where its settings stay."""
@@ -94,3 +93,17 @@ class Settings:
             use_depth=config.use_depth,
         )
         return SessionRules(pairing, self.node.warm_start, self)
+
+
+def _read_camera(path: Path) -> CameraReading:
+    """Return the camera of a calibration file, with the warning that camera_info of the same values would get."""
+    calibration = read_calibration(path)
+    K, P = calibration.K, calibration.P
+    rectified = any(P) and (P[0], P[2], P[5], P[6]) != (K[0], K[2], K[4], K[5])
+    warning = ""
+    if calibration.is_distorted and not rectified:
+        warning = (
+            f"{path} has distortion but the same K and P, or no P; "
+            "if the images are not rectified, the room will be bent"
+        )
+    return CameraReading(calibration.intrinsics, "", warning)

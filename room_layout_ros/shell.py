@@ -71,8 +71,11 @@ class Shell:
         self._publications = publications = Publications(node)
         stages = NodeStages(node, publications, self._transforms, self._floor_pose, self.complain)
         self._session = session = EstimatorSession(stages, self._settings.rules())
-        if self._settings.camera is not None:
-            session.add_camera(CAMERA, 0, self._settings.camera)
+        camera = self._settings.camera
+        if camera is not None:
+            session.set_camera(CAMERA, camera)
+            if camera.warning:
+                node.get_logger().warning(camera.warning)
         name = node.get_fully_qualified_name().lstrip("/")
         reporter = Reporter(publications.report, node.get_logger(), name, session.health())
         self._every(_LISTENER_PERIOD_S, "listeners", self._follow_listeners)

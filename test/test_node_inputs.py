@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +114,31 @@ def test_a_calibration_file_takes_the_place_of_camera_info(tmp_path: Path) -> No
         bench.until(lambda: bench.labels_of(0))
         assert bench.estimators[0].frames[-1].camera == CAMERA
         assert bench.diagnosis()["input camera_info"] == (0, "camera_info is not used (parameter)")
+        assert bench.health().streams["camera_info"].received == 0, "none came"
+
+
+BENT = "has distortion but the same K and P, or no P; if the images are not rectified, the room will be bent"
+
+
+@pytest.mark.parametrize(
+    ("changes", "warning"),
+    (
+        ({}, ""),
+        ({"D": (0.1, 0.0, 0.0, 0.0, 0.0)}, BENT),
+        ({"D": (0.1, 0.0, 0.0, 0.0, 0.0), "P": (0.0,) * 12}, BENT),
+        ({"D": (0.1, 0.0, 0.0, 0.0, 0.0), "K": (530.0, 0.0, 319.5, 0.0, 525.0, 239.5, 0.0, 0.0, 1.0)}, ""),
+    ),
+    ids=("no distortion", "K and P are equal", "no P", "rectified"),
+)
+def test_a_calibration_file_gets_the_warning_that_camera_info_gets(
+    tmp_path: Path, changes: dict[str, Any], warning: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "camera.yaml"
+    write_calibration(path, replace(CameraCalibration.from_intrinsics(CAMERA), **changes))
+    with running(camera_file=str(path)) as bench:
+        bench.spin(0.1)
+    said = [line for line in capfd.readouterr().err.splitlines() if str(path) in line and "[WARN]" in line]
+    assert [line.partition(f"{path} ")[2] for line in said] == ([warning] if warning else [])
 
 
 def unregistered(i: int, frame_id: str = DEPTH_FRAME) -> Any:

@@ -168,6 +168,11 @@ class EstimatorSession:
             self._take(stream)
             return self._cameras[stream].add(stamp_ns, camera)
 
+    def set_camera(self, stream: str, camera: object) -> None:
+        """Take a camera that came by no message and holds at all times."""
+        with self._lock:
+            self._cameras[stream].add(0, camera)
+
     def count_used(self, stream: str) -> None:
         """Count a message that was used at once, outside of the pairs (IMU)."""
         with self._lock:
