@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import time
@@ -237,6 +238,17 @@ def test_f33_a_domain_that_is_none_is_a_sentence_and_exit_code_2(repository: Pat
         said = rest(node, 30)
     assert node.returncode == 2, said
     assert said == "estimator: ROS_DOMAIN_ID is '9999'; it must be a whole number of 0 to 232\n"
+
+
+def test_the_documented_program_runs_two_nodes_in_one_process(repository: Path) -> None:
+    page = (repository / "docs" / "node.md").read_text("utf-8")
+    (program,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    with python(repository, "-c", program) as node:
+        seen = ""
+        while seen.count("warm after") < 2:
+            seen += read_until(node, "warm after")
+        assert {"left.estimator", "right.estimator"} <= set(re.findall(r"\w+\.estimator", seen))
+        end_in_time(node, signal.SIGINT)
 
 
 def test_the_shipped_parameter_file_starts_the_node(repository: Path) -> None:
