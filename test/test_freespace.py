@@ -9,6 +9,7 @@ import pytest
 from furnished import CONFIG, GREY, box, empty, free_space_of, no_estimate_of, with_truth
 from naive_free_space import naive_cells
 
+from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.cuboids import compute_object_cuboids
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.depth_holes import close_holes
@@ -245,33 +246,69 @@ def test_stray_pixels_are_no_obstacles(rng: np.random.Generator) -> None:
     assert ((clean.grid == FREE_CELL) & (result.grid != FREE_CELL)).sum() < 10
 
 
-def test_missing_depth_is_not_known() -> None:
-    sample, clean = look(empty())
+@pytest.mark.parametrize("drop_m", [0.15, 0.3, 0.75])
+@pytest.mark.parametrize("noise", ["none", "kinect"])
+def test_below_an_edge_nothing_is_free(drop_m: float, noise: str) -> None:
+    """A step down over the whole width, of which the camera sees the lower floor: that is no noise of this floor."""
+    sample, _ = look(empty())
     assert sample.frame.depth_m is not None
-    depth = sample.frame.depth_m.copy()
-    depth[:, 300:380] = np.nan
-    assert cell_at(clean, 2.0, 0.0) == FREE_CELL
-    for color in (None, sample.frame.color):  # the picture closes 10 cm from either side, not 30
-        result = free_space_of(replace(sample.frame, depth_m=depth, color=color), with_truth(sample))
-        assert cell_at(result, 2.0, -0.08) == -1
+    assert sample.truth is not None
+    assert sample.truth.down_camera is not None
+    T = floor_frame(sample.truth.down_camera, 1.2)
+    local = (KINECT.rays() * sample.frame.depth_m[..., None] - T[:3, 3]) @ T[:3, :3]
+    below = (np.abs(local[..., 2]) < 0.01) & (local[..., 0] > 2.0)
+    depth = np.where(below, sample.frame.depth_m * (1.0 + drop_m / 1.2), sample.frame.depth_m)
+    if noise == "kinect":
+        depth = depth + np.random.default_rng(5).normal(size=depth.shape) * 0.0014 * depth * depth
+    result = free_space_of(replace(sample.frame, depth_m=depth.astype(np.float32)), with_truth(sample))
+    assert (result.grid[:, :40] == FREE_CELL).sum() > 100
+    assert not (result.grid[:, 40:] == FREE_CELL).any()
 
 
-def test_a_small_hole_in_the_depth_of_plain_floor_is_free_by_the_picture_alone() -> None:
+def test_the_far_side_of_a_hole_is_not_free() -> None:
+    """The wall below its far edge is seen a little below the floor, no deeper than noise."""
+    sample, _ = look(empty(), height=1.5, pitch=-0.5)
+    assert sample.frame.depth_m is not None
+    assert sample.truth is not None
+    assert sample.truth.down_camera is not None
+    T = floor_frame(sample.truth.down_camera, 1.5)
+    rays = KINECT.rays() @ T[:3, :3]
+    place = (KINECT.rays() * sample.frame.depth_m[..., None] - T[:3, 3]) @ T[:3, :3]
+    hole = (np.abs(place[..., 2]) < 0.01) & (np.abs(place[..., 0] - 2.3) < 0.5) & (np.abs(place[..., 1]) < 0.5)
+    bottom, wall = sample.frame.depth_m * (2.0 / 1.5), 2.8 / np.maximum(rays[..., 0], 1e-6)
+    depth = np.where(hole, np.minimum(bottom, wall), sample.frame.depth_m).astype(np.float32)
+    result = free_space_of(replace(sample.frame, depth_m=depth), with_truth(sample))
+    assert all(cell_at(result, x, y) != FREE_CELL for x in np.arange(1.825, 2.8, 0.05) for y in (-0.3, 0.0, 0.3))
+    assert cell_at(result, 3.05, 0.0) == FREE_CELL
+
+
+@pytest.mark.parametrize("side_px", [20, 40, 90])
+def test_where_depth_is_missing_nothing_is_free_but_by_choice(side_px: int) -> None:
     sample, clean = look(empty())
     assert sample.frame.depth_m is not None
+    first, last = slice(350 - side_px // 2, 350 + side_px // 2), slice(320 - side_px // 2, 320 + side_px // 2)
     depth = sample.frame.depth_m.copy()
-    depth[330:370, 300:340] = np.nan
-    u, v = 320, 350
-    x, y, _ = (KINECT.rays()[v, u] * sample.frame.depth_m[v, u] - clean.T_camera_floor[:3, 3]) @ clean.T_camera_floor[
-        :3, :3
-    ]
+    depth[first, last] = np.nan
+    corner = clean.T_camera_floor[:3, 3]
+    place = (KINECT.rays() * sample.frame.depth_m[..., None] - corner) @ clean.T_camera_floor[:3, :3]
     lost = replace(sample.frame, depth_m=depth)
-    assert cell_at(free_space_of(lost, with_truth(sample)), x, y) == FREE_CELL
-    assert cell_at(free_space_of(replace(lost, color=None), with_truth(sample)), x, y) == -1
+    middle = place[350, 320]
+    assert cell_at(clean, middle[0], middle[1]) == FREE_CELL
+    for frame in (lost, replace(lost, color=None)):
+        assert cell_at(free_space_of(frame, with_truth(sample)), middle[0], middle[1]) == -1
+    geometry = compute_depth_geometry(lost, CONFIG)
+    assert geometry is not None
+    by_picture = EstimatorConfig(free_by_picture=True)
+    chosen = compute_free_space(geometry, with_truth(sample), by_picture, color=lost.color)
+    assert chosen is not None
+    assert (cell_at(chosen, middle[0], middle[1]) == FREE_CELL) == (side_px < 90)
+    no_picture = compute_free_space(geometry, with_truth(sample), by_picture)
+    assert no_picture is not None
+    assert cell_at(no_picture, middle[0], middle[1]) == -1
 
 
 def test_a_thing_without_depth_is_not_free_even_when_it_is_labelled_floor() -> None:
-    """Black plastic: infrared sees nothing there. Its outline in the picture keeps the hole from being floor."""
+    """Black plastic: infrared sees nothing there. Its outline in the picture keeps the hole from being plain floor."""
     thing = Solid(0.6, 0.0, 0.0, 0.08, 0.08, 0.0, 0.08, 5, Material((8, 8, 8)), thing=1)
     sample, _ = look(empty(thing))
     assert sample.frame.depth_m is not None

@@ -91,7 +91,7 @@ def test_floor_behind_a_thing_would_clear_it(monkeypatch: pytest.MonkeyPatch) ->
     frames = walk_past()[3:5]
     unseen = [(pose, replace(seen, obstacles=seen.obstacles[:0])) for pose, seen in frames[1:]]
     assert marks([frames[0], *unseen], layer_settings("local_costmap"))[-1]
-    monkeypatch.setattr(freespace, "in_line_of_sight", lambda grid, corner: grid == FREE_CELL)
+    monkeypatch.setattr(freespace, "in_line_of_sight", lambda grid, blind, corner: grid == FREE_CELL)
     blind = [(pose, replace(seen, obstacles=seen.obstacles[:0])) for pose, seen in walk_past()[4:5]]
     assert not marks([frames[0], *blind], layer_settings("local_costmap"))[-1]
 
@@ -106,6 +106,30 @@ def test_no_point_of_the_floor_cloud_lies_behind_a_thing() -> None:
     assert np.linalg.norm(floor[towards], axis=1).max() < 1.85
     assert (seen.grid[:, 50:] == 0).any(), "floor behind it is free all the same"
     assert np.linalg.norm(floor[~towards], axis=1).max() > 2.5
+
+
+@pytest.mark.parametrize("with_picture", [True, False])
+def test_no_point_of_the_floor_cloud_lies_behind_floor_without_depth(with_picture: bool) -> None:
+    """A pit that swallows the light: the line to the floor behind it would clear it."""
+    pose = camera_pose(-1.4, 0.0, 1.2, 0.0, -0.35)
+    sample = render(empty(), KINECT, pose)
+    assert sample.frame.depth_m is not None
+    depth = sample.frame.depth_m.copy()
+    depth[300:380, 270:370] = np.nan
+    frame = replace(sample.frame, depth_m=depth, color=sample.frame.color if with_picture else None)
+    seen = free_space_of(frame, with_truth(sample))
+    floor = on_floor(seen.floor, pose, 1) - pose[:2, 3]
+    towards = np.abs(np.arctan2(floor[:, 1], floor[:, 0])) < np.arctan2(40.0, KINECT.fx)
+    assert np.linalg.norm(floor[towards], axis=1).max() < 2.0
+    assert np.linalg.norm(floor[~towards], axis=1).max() > 2.5
+
+
+@pytest.mark.parametrize("costmap", ["local_costmap", "global_costmap"])
+def test_holes_in_the_floor_reach_the_costmap(costmap: str) -> None:
+    """They have no points in ~/obstacles: only the scan tells of them."""
+    settings = layer_settings(costmap)
+    assert "scan" in settings["observation_sources"].split()
+    assert settings["scan"]["marking"]
 
 
 @pytest.mark.parametrize("costmap", ["local_costmap", "global_costmap"])

@@ -136,6 +136,9 @@ class EstimatorConfig:
     )
     obstacle_margin_m: float = _p(0.10, "cells this near before an obstacle are not called free", "m", 0.0, 1.0)
     free_min_seen: float = _p(0.5, "share of a cell's floor that must be seen to call it free", "", 0.05, 1.0)
+    free_by_picture: bool = _p(
+        False, "floor without depth may be free within 10 cm of measured floor where the picture shows no outline"
+    )
     free_beyond_walls: bool = _p(False, "floor seen beyond a wall of the room (open door) may be free")
     scan_beams: int = _p(160, "beams of the scan across the field of view", "", 8, 4000)
     cloud_step: int = _p(2, "one in so many pixels per row and column enters the obstacle and floor clouds", "", 1, 16)

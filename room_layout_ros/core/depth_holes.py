@@ -1,10 +1,10 @@
 """Small holes in the depth that something else closes: the picture on the floor, their own rims on things.
 
 Stereo loses depth where the picture has no texture. Exactly there the picture itself tells that nothing stands, for
-a thing has an outline: an unmeasured pixel counts as floor where it is labelled floor and no edge parts it from floor
-that was measured. What has no depth because it is black, shiny or of glass keeps its outline and stays unknown, as
-does any hole without a picture. In a thing, a hole is as flat as what surrounds it: its inverse depth is linear
-between the rims.
+a thing has an outline: an unmeasured pixel is bridged where it is labelled floor and no edge parts it from floor that
+was measured. Nothing is suspected there; seen it is not. What has no depth because it is black, shiny or of glass
+keeps its outline and stays unknown, as does any hole without a picture. In a thing, a hole is as flat as what
+surrounds it: its inverse depth is linear between the rims.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _RIM_PX = 4
 """Rows around the holes that the window and the blur before it look at."""
 
 _MAX_CONTRAST = 18
-"""Grey levels between the brightest and the darkest of a window, above which an outline may run through it."""
+"""Levels of a colour between the most and the least in a window, above which an outline may run through it."""
 
 _LONGEST_PX, _ONE_SIDED_PX = 60, 40
 _SAME_SURFACE = 0.1
@@ -66,9 +66,10 @@ def close_holes(
 
 
 def _contrast(color: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """(H, W) uint8 grey levels between the brightest and the darkest of a window."""
-    grey = cv2.blur(cv2.cvtColor(color, cv2.COLOR_RGB2GRAY), (3, 3))
-    return np.asarray(cv2.morphologyEx(grey, cv2.MORPH_GRADIENT, _WINDOW), np.uint8)
+    """(H, W) uint8 levels between the most and the least in a window, of the colour in which they differ most."""
+    apart = cv2.morphologyEx(cv2.blur(color, (3, 3)), cv2.MORPH_GRADIENT, _WINDOW)
+    red, green, blue = cv2.split(apart)
+    return np.asarray(cv2.max(cv2.max(red, green), blue), np.uint8)
 
 
 @njit(cache=True, nogil=True)

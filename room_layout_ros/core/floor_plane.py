@@ -49,6 +49,8 @@ _FARTHEST = np.float32(0.01)
 _CLUTTER_WEIGHT = 0.3
 _MIN_SIGMA_M = 0.002
 _MIN_BAND_PIXELS = 40
+_LEAST_SIDE = 0.1
+"""Share of a band's pixels on either side of the floor, below which there is no floor in it."""
 _MIN_TILE_PIXELS = 40
 _HISTOGRAM_M = 0.001
 _HISTOGRAM_BINS = 120
@@ -183,18 +185,18 @@ def _tiles(height: int, width: int) -> tuple[int, int]:
 
 @njit(cache=True, nogil=True)
 def _sigma_bands(counts, height):  # type: ignore[no-untyped-def]
-    """Standard deviation per band from the median |height|; bands without floor follow the model of the noise."""
+    """Standard deviation per band from the median |height|; bands without floor follow the model of the noise.
+
+    Noise lies on both sides of the floor, things above it and drops below: the quieter side counts, and a band of
+    which one side is nearly empty shows no floor.
+    """
     sigma, ratio = np.full(_BANDS, np.nan), np.full(_BANDS, np.nan)
     for band in range(_BANDS):
         z = (band + 0.5) * BAND_M
         model = depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) * height / z
-        total = counts[band].sum()
-        if total >= _MIN_BAND_PIXELS:
-            below, k = counts[band, 0], 0
-            while below < 0.5 * total:
-                k += 1
-                below += counts[band, k]
-            sigma[band] = _MAD_TO_SIGMA * (k + 0.5) * _HISTOGRAM_M
+        below, above = counts[0, band].sum(), counts[1, band].sum()
+        if min(below, above) >= max(_MIN_BAND_PIXELS, _LEAST_SIDE * (below + above)):
+            sigma[band] = _MAD_TO_SIGMA * min(_median(counts[0, band]), _median(counts[1, band]))
             ratio[band] = sigma[band] / model
     usual = np.nanmedian(ratio) if np.isfinite(ratio).any() else 1.0
     for band in range(_BANDS):
@@ -203,6 +205,16 @@ def _sigma_bands(counts, height):  # type: ignore[no-untyped-def]
             sigma[band] = usual * depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) * height / z
         sigma[band] = max(sigma[band], _MIN_SIGMA_M)
     return sigma
+
+
+@njit(cache=True, nogil=True)
+def _median(counts):  # type: ignore[no-untyped-def]
+    """Median in m of what a histogram of heights holds."""
+    total, below, k = counts.sum(), counts[0], 0
+    while below < 0.5 * total:
+        k += 1
+        below += counts[k]
+    return (k + 0.5) * _HISTOGRAM_M
 
 
 @njit(cache=True, nogil=True)
@@ -301,9 +313,9 @@ def _stands_on_lower(inverse, intrinsics, plane):  # type: ignore[no-untyped-def
 
 @njit(cache=True, nogil=True)
 def _heights(pixels, intrinsics, plane, bias):  # type: ignore[no-untyped-def]
-    """Count |height| of pixels at or below the floor in mm bins, per distance band: things only stand above it."""
+    """Count |height| of pixels in mm bins: (2, bands, bins), below the floor and above it, by distance."""
     fx, fy, cx, cy = intrinsics
-    counts = np.zeros((_BANDS, _HISTOGRAM_BINS), np.int64)
+    counts = np.zeros((2, _BANDS, _HISTOGRAM_BINS), np.int64)
     d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
     for k in range(len(pixels)):
         u, v = pixels[k, 0], pixels[k, 1]
@@ -313,9 +325,9 @@ def _heights(pixels, intrinsics, plane, bias):  # type: ignore[no-untyped-def]
         slow = top + p * (bias[m, j] + q * (bias[m, n] - bias[m, j]) - top)
         z = 1.0 / (pixels[k, 2] - slow)
         h = d * (1.0 - (plane[0] * ((u - cx) / fx) + plane[1] * ((v - cy) / fy) + plane[2]) * z)
-        bin_, band = int(-h / _HISTOGRAM_M), int(z / BAND_M)
-        if h <= 0.0 and bin_ < _HISTOGRAM_BINS and 0 <= band < _BANDS:
-            counts[band, bin_] += 1
+        bin_, band = int(abs(h) / _HISTOGRAM_M), int(z / BAND_M)
+        if bin_ < _HISTOGRAM_BINS and 0 <= band < _BANDS:
+            counts[0 if h <= 0.0 else 1, band, bin_] += 1
     return counts
 
 

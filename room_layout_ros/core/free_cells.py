@@ -40,7 +40,7 @@ _MAX_GAP = 0.3
 """Share of a cell without depth, and not floor by the picture, from which on something may stand there."""
 
 _BRIDGE_CELLS = 2
-"""The picture closes holes of the depth up to this far from floor that was measured."""
+"""With `free_by_picture` holes of the depth are free up to this far from floor that was measured."""
 
 _RANGE_BAND_M = 0.5
 _MIN_BAND_CELLS = 10
@@ -61,6 +61,7 @@ _SURE_SIGMAS, _SURE_M = 0.75, 0.01
 """The nearest of many pixels lies before the thing: part of the noise's deviation is taken off, but for this much."""
 
 _BEHIND_WALL_CELLS = 3
+_BEHIND_HOLE_CELLS = 1.5
 _MARGIN_CELLS = 0.15
 """Added to the margin: the place of a thing is known to a pixel, not better (7 mm for cells of 5 cm)."""
 
@@ -99,6 +100,11 @@ def occupied_cells(cells: FloorCells, levels: Levels, config: EstimatorConfig) -
     return np.asarray(thing)
 
 
+def blind_cells(cells: FloorCells) -> NDArray[np.bool_]:
+    """Return (rows, cols) bool: cells of which too much has no depth, whatever the picture tells."""
+    return np.asarray(cells.sums[..., BLIND] + cells.sums[..., BRIDGE] >= _MAX_GAP)
+
+
 def decide_cells(
     cells: FloorCells,
     levels: Levels,
@@ -120,7 +126,10 @@ def decide_cells(
     grid, nearest, farthest = _decide(
         cells.sums, cells.corner, thing, levels.height_m, levels.sigma_m, walls, half_view, focal_px,
         (fit.sigma_m, fit.distance_m),
-        (config.free_min_seen, config.obstacle_min_area, _DOUBT_HEIGHT_SHARE * config.obstacle_min_height_m),
+        (
+            config.free_min_seen, config.obstacle_min_area, _DOUBT_HEIGHT_SHARE * config.obstacle_min_height_m,
+            _BRIDGE_CELLS if config.free_by_picture else 0,
+        ),
     )  # fmt: skip
     margin = config.obstacle_margin_m + _MARGIN_CELLS * cells.resolution_m
     _keep_away(grid, nearest, farthest, walls, *cells.corner, margin)
@@ -212,15 +221,15 @@ def _is_beside(thing, i, j):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _is_floor(sums, i, j, least):  # type: ignore[no-untyped-def]
-    """Whether enough of a cell was measured as floor, or is floor by the picture next to measured floor."""
+def _is_floor(sums, i, j, least, bridge_cells):  # type: ignore[no-untyped-def]
+    """Whether enough of a cell was measured as floor, or is floor by the picture so many cells from measured floor."""
     rows, cols, _ = sums.shape
     if sums[i, j, SEEN] >= least:
         return True
-    if sums[i, j, SEEN] + sums[i, j, BRIDGE] < least:
+    if bridge_cells == 0 or sums[i, j, SEEN] + sums[i, j, BRIDGE] < least:
         return False
-    for m in range(max(i - _BRIDGE_CELLS, 0), min(i + _BRIDGE_CELLS + 1, rows)):
-        for n in range(max(j - _BRIDGE_CELLS, 0), min(j + _BRIDGE_CELLS + 1, cols)):
+    for m in range(max(i - bridge_cells, 0), min(i + bridge_cells + 1, rows)):
+        for n in range(max(j - bridge_cells, 0), min(j + bridge_cells + 1, cols)):
             if sums[m, n, SEEN] >= least:
                 return True
     return False
@@ -231,7 +240,7 @@ def _decide(sums, corner, thing, height, sigma, walls, half_view, focal, fit, li
     """Cells by what they hold, without their surroundings; and how near and far what stands in them may reach."""
     x0, y0, size = corner
     noise_m, distance = fit
-    least_seen, least_area, lowest = limits
+    least_seen, least_area, lowest, bridge_cells = limits
     rows, cols, _ = sums.shape
     grid = np.full((rows, cols), UNKNOWN_CELL, np.int8)
     nearest = np.full((rows, cols), np.inf)
@@ -266,7 +275,7 @@ def _decide(sums, corner, thing, height, sigma, walls, half_view, focal, fit, li
             if thing[i, j] or hole:
                 grid[i, j] = OCCUPIED_CELL
             elif grid[i, j] != OCCUPIED_CELL:
-                clear = not (raised or touched or gap) and _is_floor(sums, i, j, least_seen)
+                clear = not (raised or touched or gap) and _is_floor(sums, i, j, least_seen, bridge_cells)
                 grid[i, j] = FREE_CELL if clear else UNKNOWN_CELL
             noise = band_sigma(noise_m, r) * r / distance
             stands = thing[i, j] or hole or raised or gap
@@ -276,6 +285,8 @@ def _decide(sums, corner, thing, height, sigma, walls, half_view, focal, fit, li
                 nearest[i, j] = at + (sure if stands else _STRAY_SIGMAS * noise)
             if thing[i, j]:
                 farthest[i, j] = cell[FARTHEST] + _BEHIND_SIGMAS * noise
+            elif hole:  # its far side is seen a little below the edge, as floor is by its noise
+                farthest[i, j] = r + _BEHIND_HOLE_CELLS * size
     return grid, nearest, farthest
 
 

@@ -20,7 +20,7 @@ from .floor_cells import FLOOR_PIXEL, OBSTACLE_PIXEL, FloorCells, sum_floor_cell
 from .floor_frame import floor_frame, room_outline, walls_on_floor
 from .floor_plane import FloorPlane, fit_floor, remove_bias
 from .frame import CameraIntrinsics
-from .free_cells import FREE_CELL, OCCUPIED_CELL, UNKNOWN_CELL, decide_cells, floor_levels, occupied_cells
+from .free_cells import FREE_CELL, OCCUPIED_CELL, UNKNOWN_CELL, blind_cells, decide_cells, floor_levels, occupied_cells
 from .overhang import hide_overhung
 from .scan import RangeScan, cast_scan
 from .sight_lines import in_line_of_sight
@@ -115,7 +115,7 @@ def compute_free_space(
         camera_height_m=fit.distance_m,
         source=fit.source,
         obstacles=_cloud(closed, cells, thing, OBSTACLE_PIXEL, config.cloud_step),
-        floor=_cloud(closed, cells, in_line_of_sight(grid, corner), FLOOR_PIXEL, config.cloud_step),
+        floor=_cloud(closed, cells, in_line_of_sight(grid, blind_cells(cells), corner), FLOOR_PIXEL, config.cloud_step),
         scan=cast_scan(closed, cells, grid, T_camera_floor, config.scan_beams),
         walls=walls,
         room_polygon_m=room_outline(walls, box) if len(walls) else np.empty((0, 2)),

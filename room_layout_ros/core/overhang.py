@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from .frame import CameraIntrinsics
 
-_STEP_M, _STEPS = 0.05, 24
+_STEP_M = 0.05
 _MIN_HIDDEN = 4
 _COVER_M = (0.08, 0.5)
 """What stands this far before the space above a cell hides what may hang there."""
@@ -57,7 +57,7 @@ def _covered(grid, inverse, intrinsics, T, corner, robot_height, margin):  # typ
     x0, y0, size = corner
     rows, cols = grid.shape
     height, width = inverse.shape
-    steps = min(int(robot_height / _STEP_M), _STEPS)
+    steps = int(robot_height / _STEP_M)
     covered = np.zeros((rows + 1, cols + 1), np.bool_)
     for i in range(rows + 1):
         for j in range(cols + 1):

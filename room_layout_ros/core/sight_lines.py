@@ -1,7 +1,8 @@
 """Floor that a costmap may clear along the straight line to it.
 
 A camera looks over a thing of 4 cm and sees floor behind it. A costmap's layer is flat: it clears every cell between
-the sensor and a point, and so would clear the thing. Only floor before the first thing in its direction is offered.
+the sensor and a point, and so would clear the thing. Only floor before the first thing in its direction is offered,
+and before the first gap in the depth beyond which floor goes on: a pit that swallows the light, a black box.
 """
 
 from __future__ import annotations
@@ -19,30 +20,43 @@ _BLUR_CELLS = 1.5
 """The cells of a costmap lie askew to these ones: a line that passes this near to a cell may go through it there."""
 
 
-def in_line_of_sight(grid: NDArray[np.int8], corner: tuple[float, float, float]) -> NDArray[np.bool_]:
-    """Return (rows, cols) bool: free cells before which no occupied one stands, seen from below the camera.
+def in_line_of_sight(
+    grid: NDArray[np.int8], blind: NDArray[np.bool_], corner: tuple[float, float, float]
+) -> NDArray[np.bool_]:
+    """Return (rows, cols) bool: free cells before which no occupied or blind one lies, seen from below the camera.
+
+    Blind cells that are nearer than all free ones in their direction do not count: the sensor's shortest range.
 
     Parameters
     ----------
-    grid : (rows, cols) int8, decided.
+    grid : (rows, cols) int8, decided. blind : (rows, cols) bool of `blind_cells`.
     corner : x and y of the lower corner of cell (0, 0), and the side of a cell; m.
     """
-    return np.asarray(_in_line(grid, corner, _BLUR_CELLS * corner[2]))
+    return np.asarray(_in_line(grid, blind, corner, _BLUR_CELLS * corner[2]))
 
 
 @njit(cache=True, nogil=True)
-def _in_line(grid, corner, blur):  # type: ignore[no-untyped-def]
+def _in_line(grid, blind, corner, blur):  # type: ignore[no-untyped-def]
     x0, y0, size = corner
     rows, cols = grid.shape
-    first = np.full(_BEAMS, np.inf)
-    for i in range(rows):
-        for j in range(cols):
-            if grid[i, j] == OCCUPIED_CELL:
+    free_from, first = np.full(_BEAMS, np.inf), np.full(_BEAMS, np.inf)
+    for look_for_free in (True, False):
+        for i in range(rows):
+            for j in range(cols):
+                if look_for_free:
+                    counts = grid[i, j] == FREE_CELL
+                else:
+                    counts = grid[i, j] == OCCUPIED_CELL or (blind[i, j] and grid[i, j] != FREE_CELL)
+                if not counts:
+                    continue
                 x, y = x0 + (j + 0.5) * size, y0 + (i + 0.5) * size
                 r, bearing = np.sqrt(x * x + y * y), np.arctan2(y, x)
                 half = np.arcsin(min(blur / r, 1.0))
                 for k in range(_beam(bearing - half), _beam(bearing + half) + 1):
-                    first[k] = min(first[k], r)
+                    if look_for_free:
+                        free_from[k] = min(free_from[k], r)
+                    elif grid[i, j] == OCCUPIED_CELL or r > free_from[k]:
+                        first[k] = min(first[k], r)
     result = np.zeros((rows, cols), np.bool_)
     for i in range(rows):
         for j in range(cols):
