@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from room_layout_ros.runtime.diagnosis import Finding, InputFacts, Level, NodeFacts, diagnose
-from room_layout_ros.runtime.health import Health, StreamHealth
+from room_layout_ros.runtime.health import FloorOutcome, Health, StreamHealth
 from room_layout_ros.runtime.pairing import COLOR, DEPTH
 from room_layout_ros.runtime.session import CAMERA, IMU
 
@@ -151,29 +151,53 @@ def floor_of(before: Health = BEFORE, facts: NodeFacts = FACTS, **changes: Any) 
     return found.level, found.message
 
 
+GOOD, DOUBTFUL = FloorOutcome("tf+depth"), FloorOutcome("tf", confirmed=False)
+NONE = {"none in view, none given": 7, "too little depth": 1}
+
+
 def test_f06_the_floor_says_where_it_is_from_and_nothing_where_nobody_wants_it() -> None:
-    assert floor_of(floors=30, floor_source="tf+depth") == (Level.OK, "floor from tf+depth")
-    assert floor_of() == (Level.OK, "no frame of which somebody wants the floor")
-    values = findings(replace(HEALTHY, floors=30, floor_source="tf"), facts=replace(FACTS, floor="tf"))["floor"].values
+    assert floor_of(floors=30, last_floor=GOOD) == (Level.OK, "floor from tf+depth")
+    assert floor_of() == (Level.OK, "nobody listens to an output that needs a floor")
+    assert floor_of(published=BEFORE.published) == (Level.OK, "waiting for frames")
+    facts = replace(FACTS, floor="tf")
+    values = findings(replace(HEALTHY, floors=30, last_floor=DOUBTFUL), facts=facts)["floor"].values
     assert (values["expected"], values["source"], values["frames"]) == ("tf", "tf", "30")
 
 
 def test_f06_frames_without_a_floor_are_a_warning_while_it_lasts() -> None:
-    none = {"none in view, none given": 7, "too little depth": 1}
     words = "no floor (none in view, none given) for 8 of 30 frames; outputs that need one send nothing"
-    assert floor_of(floors=30, no_floor=none) == (Level.WARN, words)
-    over = replace(BEFORE, floors=30, no_floor=none)
-    assert floor_of(over, floors=60, no_floor=none, floor_source="cuboid+depth")[0] == Level.OK
-    values = findings(replace(HEALTHY, floors=30, no_floor=none))["floor"].values
+    assert floor_of(floors=30, no_floor=NONE, last_floor=GOOD) == (Level.WARN, words)
+    over = replace(BEFORE, floors=30, no_floor=NONE)
+    assert floor_of(over, floors=60, no_floor=NONE, last_floor=GOOD)[0] == Level.OK
+    values = findings(replace(HEALTHY, floors=30, no_floor=NONE))["floor"].values
     assert values["no floor: too little depth"] == "1"
 
 
+@pytest.mark.parametrize(
+    ("outcome", "words"),
+    (
+        (FloorOutcome("", "too little depth"), "no floor (too little depth) for 1 of 1 frames"),
+        (DOUBTFUL, "depth does not confirm the floor where tf expects it for 1 of 1 frames"),
+    ),
+)
+def test_f06_a_warning_lasts_between_the_frames_of_a_slow_camera(outcome: FloorOutcome, words: str) -> None:
+    before = replace(BEFORE, floors=30, no_floor=NONE, floors_not_confirmed=3)
+    facts = replace(FACTS, floor="tf")
+    now: dict[str, Any] = {"floors": 30, "no_floor": NONE, "floors_not_confirmed": 3, "last_floor": outcome}
+    level, message = floor_of(before, facts, **now, published=BEFORE.published, floor_silence_s=2.0)
+    assert (level, message.partition(";")[0]) == (Level.WARN, words)
+    assert floor_of(before, facts, **now, published=BEFORE.published, floor_silence_s=6.0)[0] == Level.OK
+    assert floor_of(before, facts, **now, floor_silence_s=2.0)[0] == Level.OK, "nobody listens any more"
+    good = {**now, "last_floor": GOOD}
+    assert floor_of(before, facts, **good, published=BEFORE.published, floor_silence_s=2.0)[0] == Level.OK
+
+
 def test_d03_a_floor_that_depth_does_not_confirm_names_its_source() -> None:
-    level, words = floor_of(facts=replace(FACTS, floor="tf"), floors=30, floors_not_confirmed=3, floor_source="tf")
+    level, words = floor_of(facts=replace(FACTS, floor="tf"), floors=30, floors_not_confirmed=3, last_floor=DOUBTFUL)
     assert level == Level.WARN
     assert words.startswith("depth does not confirm the floor where tf expects it for 3 of 30 frames; check height")
     over = replace(BEFORE, floors=30, floors_not_confirmed=3)
-    assert floor_of(over, floors=60, floors_not_confirmed=3, floor_source="tf+depth")[0] == Level.OK
+    assert floor_of(over, floors=60, floors_not_confirmed=3, last_floor=GOOD)[0] == Level.OK
 
 
 @pytest.mark.parametrize(("source", "level"), (("auto", Level.OK), ("tf", Level.WARN), ("imu", Level.WARN)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
@@ -188,7 +188,7 @@ def _floor(health: Health, before: Health, facts: NodeFacts) -> Finding:
     level, message = _floor_state(health, before, facts)
     values = {
         "expected": facts.floor,
-        "source": health.floor_source,
+        "source": health.last_floor.source if health.last_floor else "",
         "frames": str(health.floors),
         **{f"no floor: {reason}": str(n) for reason, n in sorted(health.no_floor.items())},
         "not confirmed": str(health.floors_not_confirmed),
@@ -200,25 +200,37 @@ def _floor(health: Health, before: Health, facts: NodeFacts) -> Finding:
 def _floor_state(health: Health, before: Health, facts: NodeFacts) -> tuple[Level, str]:
     if facts.state != "running":
         return Level.OK, facts.state
-    wrong = [*_floor_faults(health, before, facts)]
+    wrong = _floor_fault(health, before, facts)
     if facts.floor_missing and facts.pose_source != "auto":
-        wrong.append(f"pose_source is {facts.pose_source}, but {facts.floor_missing}; the floor that is seen decides")
+        source = f"pose_source is {facts.pose_source}, but {facts.floor_missing}; the floor that is seen decides"
+        wrong = f"{wrong}; {source}" if wrong else source
     if wrong:
-        return Level.WARN, "; ".join(wrong)
-    if health.floors > before.floors:
-        return Level.OK, f"floor from {health.floor_source}"
-    return Level.OK, "no frame of which somebody wants the floor"
+        return Level.WARN, wrong
+    if health.last_floor is not None and health.floors > before.floors:
+        return Level.OK, f"floor from {health.last_floor.source}"
+    if health.published > before.published:
+        return Level.OK, "nobody listens to an output that needs a floor"
+    return Level.OK, "waiting for frames"
 
 
-def _floor_faults(health: Health, before: Health, facts: NodeFacts) -> Iterator[str]:
-    asked = health.floors - before.floors
+def _floor_fault(health: Health, before: Health, facts: NodeFacts) -> str:
+    """Return what is wrong with the floors since the last call, "" where nothing is."""
+    asked, doubtful = health.floors - before.floors, health.floors_not_confirmed - before.floors_not_confirmed
     missing = {reason: n - before.no_floor.get(reason, 0) for reason, n in health.no_floor.items()}
+    last = health.last_floor
+    if asked == 0 and last is not None and _floor_lasts(health, before, facts):
+        asked, doubtful, missing = 1, int(not last.confirmed), {last.missing: int(bool(last.missing))}
     if any(missing.values()):
         reason = max(missing, key=lambda r: missing[r])
-        yield f"no floor ({reason}) for {sum(missing.values())} of {asked} frames; outputs that need one send nothing"
-    doubtful = health.floors_not_confirmed - before.floors_not_confirmed
+        return f"no floor ({reason}) for {sum(missing.values())} of {asked} frames; outputs that need one send nothing"
     if doubtful:
-        yield (
+        return (
             f"depth does not confirm the floor where {facts.floor} expects it for {doubtful} of {asked} frames; "
             "check height and tilt of the camera"
         )
+    return ""
+
+
+def _floor_lasts(health: Health, before: Health, facts: NodeFacts) -> bool:
+    """Return whether the last floor still counts: no frame has come since, as between those of a slow camera."""
+    return health.published == before.published and health.floor_silence_s <= facts.no_data_timeout_s

@@ -82,8 +82,10 @@ class Health:
     """Frames of which somebody wanted the floor: with one + sum(no_floor)."""
     no_floor: Mapping[str, int] = field(default_factory=dict)
     floors_not_confirmed: int = 0
-    floor_source: str = ""
-    """Of the last frame of which somebody wanted the floor; "" where it had none."""
+    last_floor: FloorOutcome | None = None
+    """Of the last frame of which somebody wanted the floor."""
+    floor_silence_s: float = float("inf")
+    """Time since that frame."""
     stages_ms: Mapping[str, float] = field(default_factory=dict)
     """Median time per stage of the estimator."""
 
@@ -124,7 +126,8 @@ class PairCount:
     floors: int = 0
     no_floor: Counter[str] = field(default_factory=Counter)
     floors_not_confirmed: int = 0
-    floor_source: str = ""
+    last_floor: FloorOutcome | None = None
+    floor_rate: Rate = field(default_factory=Rate)
     rate: Rate = field(default_factory=Rate)
     pairs: Rate = field(default_factory=Rate)
     latencies_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_WINDOW))
@@ -136,10 +139,11 @@ class PairCount:
         """Pairs whose end is not known yet."""
         return self.made - self.published - self.no_estimate.total() - self.dropped.total()
 
-    def count_floor(self, outcome: FloorOutcome) -> None:
+    def count_floor(self, outcome: FloorOutcome, now_ns: int) -> None:
         """Note what became of the floor of a frame."""
         self.floors += 1
-        self.floor_source = outcome.source
+        self.last_floor = outcome
+        self.floor_rate.tick(now_ns)
         self.floors_not_confirmed += not outcome.confirmed
         if outcome.missing:
             self.no_floor[outcome.missing] += 1
@@ -167,7 +171,8 @@ class PairCount:
             floors=self.floors,
             no_floor=dict(self.no_floor),
             floors_not_confirmed=self.floors_not_confirmed,
-            floor_source=self.floor_source,
+            last_floor=self.last_floor,
+            floor_silence_s=self.floor_rate.silence_s(now_ns),
             stages_ms=_medians(self.stages_ms),
         )
 

@@ -317,7 +317,7 @@ class EstimatorSession:
             now, pairs = self._clock(), self._pairs
             pairs.frame_id = result.frame.frame_id
             if floor is not None:
-                pairs.count_floor(floor)
+                pairs.count_floor(floor, now)
             if estimate.cuboid is not None:
                 pairs.published += 1
                 pairs.rate.tick(now)
