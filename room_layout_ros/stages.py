@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -59,6 +60,7 @@ class NodeStages:
         start = time.monotonic()
         cv2.setNumThreads(1)  # OpenCV's pool only steals the core of the callbacks
         frame = warm_up_frame()
+        settings.estimator.estimate(replace(frame, depth_m=None))  # a camera may start with depth of nothing
         scene = Scene(frame, settings.estimator.estimate(frame), settings.node, settings.estimator.config)
         for output in OUTPUTS:
             output.encode(scene)
