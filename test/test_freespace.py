@@ -265,6 +265,27 @@ def test_below_an_edge_nothing_is_free(drop_m: float, noise: str) -> None:
     assert not (result.grid[:, 40:] == FREE_CELL).any()
 
 
+def test_the_floor_is_that_on_which_the_camera_stands() -> None:
+    """Two levels of like size, and a start between them, as a cuboid's floor is."""
+    sample, _ = look(empty(), height=1.5, pitch=-0.5)
+    assert sample.frame.depth_m is not None
+    assert sample.truth is not None
+    assert sample.truth.down_camera is not None
+    T = floor_frame(sample.truth.down_camera, 1.5)
+    local = (KINECT.rays() * sample.frame.depth_m[..., None] - T[:3, 3]) @ T[:3, :3]
+    below = (np.abs(local[..., 2]) < 0.01) & (local[..., 0] > 2.0)
+    depth = np.where(below, sample.frame.depth_m * (1.65 / 1.5), sample.frame.depth_m).astype(np.float32)
+    geometry = compute_depth_geometry(replace(sample.frame, depth_m=depth), CONFIG)
+    assert geometry is not None
+    down, ahead = sample.truth.down_camera, T[:3, 0]
+    tilted = down * np.cos(0.07) - ahead * np.sin(0.07)
+    between = FloorPlane(tilted / np.linalg.norm(tilted), 1.39, "tf")
+    fit = fit_floor(geometry, with_truth(sample), CONFIG, between)
+    assert fit is not None
+    assert abs(fit.distance_m - 1.5) < 0.01
+    assert np.rad2deg(np.arccos(fit.normal @ down)) < 0.3
+
+
 def test_the_far_side_of_a_hole_is_not_free() -> None:
     """The wall below its far edge is seen a little below the floor, no deeper than noise."""
     sample, _ = look(empty(), height=1.5, pitch=-0.5)

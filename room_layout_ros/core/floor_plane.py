@@ -28,8 +28,15 @@ TILE_PX = 64
 
 _BANDS = 24
 _STRIDE = 2
-_PASSES_M = ((0.10, 4), (0.04, 4), (0.03, 2))
-"""Half width of the band around the plane and pixel step of each pass."""
+_HALF_WIDTHS_M = (0.10, 0.04, 0.03)
+"""Of the band around the plane in each pass; the last looks at all pixels, those before at a quarter of them."""
+
+_ONE_LEVEL_SHARE, _FARTHER_SHARE = 0.9, 0.67
+"""Where less of the floor than this is near the plane (usual: 0.93 to 1), the plane runs through two levels, and is
+fitted anew to the nearest third, on which the camera stands."""
+
+_LARGE_FLOOR = 8
+"""Times the least support: a smaller floor has no third to fit to."""
 
 _GATHER_M = 0.35
 """Pixels farther above or below the start are no floor, however wrong the start is."""
@@ -140,22 +147,57 @@ def fit_floor(
     plane = start.normal / start.distance_m
     pixels, coarse = _near_plane(geometry.inverse_depth, estimate.labels, intrinsics, plane)
     least = max(int(config.floor_min_share * geometry.inverse_depth.size), 500)
-    support = 0
-    for half_width, step in _PASSES_M:
-        chosen = pixels[:coarse] if step == 2 * _STRIDE else pixels
-        sums, count = _floor_sums(chosen, intrinsics, plane, half_width)
-        support = int(count) * step * step
-        if support < least:
-            return None if prior is None or np.isnan(prior.distance_m) else _as_given(prior, camera)
-        plane = np.linalg.solve(sums[:, :3], sums[:, 3])
-    if prior is None and _stands_on_lower(geometry.inverse_depth, intrinsics, plane):
+    plane, support = _settle(pixels, coarse, intrinsics, plane, _HALF_WIDTHS_M, least)
+    if support and not (prior is None and _stands_on_lower(geometry.inverse_depth, intrinsics, plane)):
+        plane, support = _on_one_level(pixels, coarse, intrinsics, plane, support, least)
+    elif prior is None:
         return None
+    if not support:
+        return None if prior is None or np.isnan(prior.distance_m) else _as_given(prior, camera)
     length = float(np.linalg.norm(plane))
     flat = np.zeros(_tiles(camera.height, camera.width))
     sigma = _sigma_bands(_heights(pixels[:coarse], intrinsics, plane, flat), 1.0 / length)
     bias = _bias(pixels, intrinsics, plane, sigma, flat.shape)
     sigma = _sigma_bands(_heights(pixels, intrinsics, plane, bias), 1.0 / length)
     return FloorFit(plane / length, 1.0 / length, sigma, bias, support, f"{start.source}+depth")
+
+
+def _settle(
+    pixels: NDArray[np.float32],
+    coarse: int,
+    intrinsics: tuple[float, ...],
+    plane: NDArray[np.float64],
+    half_widths_m: tuple[float, ...],
+    least: int,
+) -> tuple[NDArray[np.float64], int]:
+    """Return the plane after its passes and the pixels of the image that support it; 0 if ever less than `least`."""
+    support = 0
+    for half_width in half_widths_m:
+        last = half_width == half_widths_m[-1]
+        sums, count = _floor_sums(pixels if last else pixels[:coarse], intrinsics, plane, half_width)
+        support = int(count) * _STRIDE**2 * (1 if last else 4)
+        if support < least:
+            return plane, 0
+        plane = np.linalg.solve(sums[:, :3], sums[:, 3])
+    return plane, support
+
+
+def _on_one_level(
+    pixels: NDArray[np.float32],
+    coarse: int,
+    intrinsics: tuple[float, ...],
+    plane: NDArray[np.float64],
+    support: int,
+    least: int,
+) -> tuple[NDArray[np.float64], int]:
+    """Return the plane and its support; fitted anew where it runs through two levels."""
+    sure = pixels[:coarse][pixels[:coarse, 3] == 1.0]
+    small = support < _LARGE_FLOOR * least
+    if small or _share_on(sure, intrinsics, plane, _HALF_WIDTHS_M[-1]) >= _ONE_LEVEL_SHARE:
+        return plane, support
+    near = sure[sure[:, 2] >= np.quantile(sure[:, 2], _FARTHER_SHARE)]
+    plane, _ = _settle(near, len(near), intrinsics, plane, _HALF_WIDTHS_M, _MIN_BAND_PIXELS)
+    return _settle(pixels, coarse, intrinsics, plane, _HALF_WIDTHS_M[1:], least)
 
 
 def _from_cuboid(estimate: RoomEstimate) -> FloorPlane | None:
@@ -283,6 +325,19 @@ def _floor_sums(pixels, intrinsics, plane, half_width):  # type: ignore[no-untyp
         sums[2, 3] += weight * w
     sums[1, 0], sums[2, 0], sums[2, 1] = sums[0, 1], sums[0, 2], sums[1, 2]
     return sums, count
+
+
+@njit(cache=True, nogil=True)
+def _share_on(pixels, intrinsics, plane, half_width):  # type: ignore[no-untyped-def]
+    """Share of the pixels within a half width and twice the noise of the plane; 1 without any."""
+    fx, fy, cx, cy = intrinsics
+    d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
+    on = 0
+    for k in range(len(pixels)):
+        rx, ry, z = (pixels[k, 0] - cx) / fx, (pixels[k, 1] - cy) / fy, 1.0 / pixels[k, 2]
+        h = d * (1.0 - (plane[0] * rx + plane[1] * ry + plane[2]) * z)
+        on += abs(h) < half_width + 2.0 * depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) * d / z
+    return on / len(pixels) if len(pixels) else 1.0
 
 
 @njit(cache=True, nogil=True)
