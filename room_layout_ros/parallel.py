@@ -42,6 +42,9 @@ class _Pool(Protocol):
     def submit(self, function: Callable[[Any], Any], item: Any) -> Any:
         """Return a future."""
 
+    def abandon(self, future: Any) -> None:
+        """Take note that nobody wants its result."""
+
     def restart(self) -> None:
         """Make the pool usable again after a loss."""
 
@@ -160,7 +163,7 @@ def _map_pool(
             yield result
     finally:
         for task in pending:
-            task.future.cancel()
+            pool.abandon(task.future)
         if not keep:
             pool.close()
 
@@ -215,6 +218,9 @@ class _LokyPool:
     def submit(self, function: Callable[[Any], Any], item: Any) -> Any:
         return self._executor.submit(function, item)
 
+    def abandon(self, future: Any) -> None:
+        """Let it end: few are in flight, and loky's own thread fails when it is shut down with a cancelled one."""
+
     def restart(self) -> None:
         self._executor.shutdown(wait=True, kill_workers=True)
         self._executor = self._start()
@@ -246,6 +252,9 @@ class _DaskPool:
 
     def submit(self, function: Callable[[Any], Any], item: Any) -> Any:
         return self._client.submit(function, item, pure=False)
+
+    def abandon(self, future: Any) -> None:
+        future.cancel()
 
     def restart(self) -> None:
         """Nothing to do: the cluster replaces its workers itself."""
