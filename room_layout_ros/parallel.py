@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
@@ -19,6 +19,9 @@ IN_FLIGHT_PER_WORKER = 3
 """Items handed out per worker: enough to keep it busy, few enough to bound memory."""
 
 CONNECT_TIMEOUT_S = 10
+
+_LAST_ITEMS_S = 10.0
+"""At the end, what is still in flight may take so long."""
 
 MAX_LOSSES = 3
 """An item whose worker died this often while nothing else ran is given up."""
@@ -214,18 +217,21 @@ class _LokyPool:
         self.losses = (BrokenProcessPool,)
         self._start: Callable[[], Any] = lambda: ProcessPoolExecutor(max_workers=jobs)
         self._executor = self._start()
+        self._abandoned: list[Any] = []
 
     def submit(self, function: Callable[[Any], Any], item: Any) -> Any:
         return self._executor.submit(function, item)
 
     def abandon(self, future: Any) -> None:
-        """Let it end: few are in flight, and loky's own thread fails when it is shut down with a cancelled one."""
+        """Let it end: few are in flight, and loky's own thread fails when it is shut down beside one, or cancelled."""
+        self._abandoned.append(future)
 
     def restart(self) -> None:
         self._executor.shutdown(wait=True, kill_workers=True)
         self._executor = self._start()
 
     def close(self) -> None:
+        wait(self._abandoned, _LAST_ITEMS_S)
         self._executor.shutdown(wait=True, kill_workers=True)
 
 
