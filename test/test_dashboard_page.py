@@ -197,7 +197,7 @@ def test_the_view_of_a_person_stays_when_the_next_frame_comes(page: Page, rooms:
     page.browser.mouse("mouseWheel", *page.middle("plan"), deltaX=0, deltaY=-200)
     page.wait_for_picture()
     turned = page.eye()
-    assert abs(turned["x"] - start["x"]) > 0.2
+    assert abs(turned["x"] - start["x"]) > 0.02
     assert points_shown(page) == points_of(rooms[1])  # had waited for the end of the turn
     page.browser.wait_for(f"Math.abs({PLAN_RANGE}[0] - {PLAN_RANGE}[1]) < 7.9")  # zoomed in: the grid is 8 m wide
     zoomed = page.browser.value(PLAN_RANGE)
