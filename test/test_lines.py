@@ -77,8 +77,6 @@ def test_projected_lines_along_the_axes_get_their_axis_and_others_none(rng: np.r
     segments = LineSegments(np.array(points, np.float32))
     assert (classify_segments(segments, R, CAMERA) == truth).mean() > 0.95
     normal, middle = segment_planes(segments, CAMERA)
-    assert np.array_equal(
-        classify_segments(segments, R, CAMERA), naive.classify(normal, middle, segments.length_px, R)
-    )
+    assert np.array_equal(classify_segments(segments, R, CAMERA), naive.classify(normal, middle, segments.length_px, R))
     diagonal = LineSegments(np.array([[100, 100, 200, 190]], np.float32))
     assert classify_segments(diagonal, np.eye(3), CAMERA)[0] == -1

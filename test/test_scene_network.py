@@ -238,5 +238,3 @@ def test_training_fits_the_rooms_it_is_shown(rooms: SceneExamples) -> None:
     net = cv2.dnn.readNetFromONNX(exported.onnx)
     net.setInput(batch.inputs[:1])
     np.testing.assert_allclose(net.forward()[0], before[0].values, atol=0.05)  # rounded to half
-
-

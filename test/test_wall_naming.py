@@ -69,9 +69,7 @@ def test_a_front_wall_out_of_view_leaves_its_name_to_the_side_wall_in_view() -> 
 
 
 @pytest.mark.parametrize("yaw", (-60.0, -20.0, 20.0, 60.0))
-def test_probabilities_under_the_other_front_are_those_of_the_same_walls(
-    yaw: float, rng: np.random.Generator
-) -> None:
+def test_probabilities_under_the_other_front_are_those_of_the_same_walls(yaw: float, rng: np.random.Generator) -> None:
     R = look(yaw, 5)
     turned_R = other_front(R)
     p = rng.dirichlet(np.ones(6), 7)

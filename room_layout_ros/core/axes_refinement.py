@@ -243,5 +243,3 @@ def _grow(rows, cols, cell, normal, centroid, sigma, R, tolerance):  # type: ign
                     top += 1
         count += 1
     return plane, count
-
-

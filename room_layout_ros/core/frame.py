@@ -37,9 +37,7 @@ class CameraIntrinsics:
 
     def __post_init__(self) -> None:
         if not (0 < self.width <= MAX_SIDE_PX and 0 < self.height <= MAX_SIDE_PX):
-            raise ValueError(
-                f"camera size is {self.width}x{self.height}; each side must be 1 to {MAX_SIDE_PX} pixels"
-            )
+            raise ValueError(f"camera size is {self.width}x{self.height}; each side must be 1 to {MAX_SIDE_PX} pixels")
         values = (self.fx, self.fy, self.cx, self.cy)
         if not all(np.isfinite(values)):
             raise ValueError(f"camera intrinsics (fx, fy, cx, cy) are {values}; all must be finite")

@@ -35,9 +35,7 @@ class LineSegments:
 
     def __post_init__(self) -> None:
         if self.points.ndim != 2 or self.points.shape[1] != 4 or self.points.dtype != np.float32:
-            raise ValueError(
-                f"segments are {self.points.dtype} of shape {self.points.shape}; (n, 4) float32 is needed"
-            )
+            raise ValueError(f"segments are {self.points.dtype} of shape {self.points.shape}; (n, 4) float32 is needed")
 
     def __len__(self) -> int:
         return len(self.points)
@@ -93,9 +91,7 @@ def _along_border(points: NDArray[np.float32], height: int, width: int) -> NDArr
     return np.asarray(left | right | top | bottom)
 
 
-def segment_planes(
-    segments: LineSegments, camera: CameraIntrinsics
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def segment_planes(segments: LineSegments, camera: CameraIntrinsics) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the interpretation planes of segments.
 
     Returns

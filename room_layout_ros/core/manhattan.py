@@ -119,9 +119,7 @@ def estimate_manhattan_frame(
     return ManhattanFrame(refined[0][1], float(refined[0][0]), tuple(hypotheses))
 
 
-def _interpretation(
-    segments: LineSegments, geometry: DepthGeometry
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _interpretation(segments: LineSegments, geometry: DepthGeometry) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     normals, _ = segment_planes(segments, geometry.camera)
     return normals, segments.length_px.astype(np.float64)
 

@@ -103,9 +103,7 @@ def estimate_axes_from_lines(
     )
 
 
-def axes_angle_deg(
-    first: NDArray[np.float64], second: NDArray[np.float64], symmetric: bool = True
-) -> float:
+def axes_angle_deg(first: NDArray[np.float64], second: NDArray[np.float64], symmetric: bool = True) -> float:
     """Return the angle in degrees between two rotations; `symmetric` names the axes at best (24 ways)."""
     if not symmetric:
         cosine = (np.trace(first @ second.T) - 1.0) / 2.0
