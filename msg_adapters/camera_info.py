@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from room_layout_ros.core.frame import CameraIntrinsics
 
@@ -53,11 +53,17 @@ def decode_camera_info(message: CameraInfoLike) -> CameraReading:
             )
         P = np.array([K[0], 0, K[2], 0, 0, K[4], K[5], 0, 0, 0, 1, 0])
     warning = ""
-    if distorted and np.array_equal(P[[0, 2, 5, 6]], K[[0, 2, 4, 5]]):
+    if may_be_bent(K, P, D):
         warning = (
             "camera_info has distortion but the same K and P; if the images are not rectified, the room will be bent"
         )
     return CameraReading(_crop_and_bin(message, P), str(message.header.frame_id), warning)
+
+
+def may_be_bent(K: ArrayLike, P: ArrayLike, D: ArrayLike) -> bool:
+    """Whether a lens distorts and nothing says that its images are rectified: P (12,) is that of K (9,), or none."""
+    k, p = np.asarray(K), np.asarray(P)
+    return bool(np.any(D)) and (not p.any() or np.array_equal(p[[0, 2, 5, 6]], k[[0, 2, 4, 5]]))
 
 
 def check_size(camera: CameraIntrinsics, what: str, height: int, width: int) -> None:

@@ -8,7 +8,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Protocol
 
-from msg_adapters.camera_info import CameraReading
+from msg_adapters.camera_info import CameraReading, may_be_bent
 
 from .core.config import EstimatorConfig
 from .core.estimate import RoomEstimate
@@ -98,10 +98,8 @@ class Settings:
 def _read_camera(path: Path) -> CameraReading:
     """Return the camera of a calibration file, with the warning that camera_info of the same values would get."""
     calibration = read_calibration(path)
-    K, P = calibration.K, calibration.P
-    rectified = any(P) and (P[0], P[2], P[5], P[6]) != (K[0], K[2], K[4], K[5])
     warning = ""
-    if calibration.is_distorted and not rectified:
+    if may_be_bent(calibration.K, calibration.P, calibration.D):
         warning = (
             f"{path} has distortion but the same K and P, or no P; "
             "if the images are not rectified, the room will be bent"

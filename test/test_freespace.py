@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from furnished import CONFIG, GREY, box, empty, free_space_of, no_estimate_of, with_truth
 from naive_free_space import naive_cells
+from numpy.typing import NDArray
 
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.cuboids import compute_object_cuboids
@@ -40,6 +41,15 @@ def look(
     pose = camera_pose(-1.4, 0.0, height, 0.0, pitch)
     sample = render(room, KINECT, pose, noise, np.random.default_rng(3))
     return sample, free_space_of(sample.frame, with_truth(sample))
+
+
+def places(sample: Sample, height: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points (H, W, 3) in the floor frame of the truth, and its pose (4, 4) in the camera's."""
+    assert sample.frame.depth_m is not None
+    assert sample.truth is not None
+    assert sample.truth.down_camera is not None
+    T = floor_frame(sample.truth.down_camera, height)
+    return (KINECT.rays() * sample.frame.depth_m[..., None] - T[:3, 3]) @ T[:3, :3], T
 
 
 def cell_at(free_space: FreeSpace, x: float, y: float) -> int:
@@ -222,12 +232,8 @@ def test_what_the_pictures_side_cuts_off_may_stand_in_the_margin() -> None:
 def test_a_hole_in_the_floor_is_not_free() -> None:
     sample, _ = look(empty())
     assert sample.frame.depth_m is not None
-    assert sample.truth is not None
-    assert sample.truth.down_camera is not None
     # 60 cm x 60 cm of the floor are 30 cm lower: stairs down
-    rays = KINECT.rays()
-    T = floor_frame(sample.truth.down_camera, 1.2)
-    local = (rays * sample.frame.depth_m[..., None] - T[:3, 3]) @ T[:3, :3]
+    local, _ = places(sample, 1.2)
     hole = (np.abs(local[..., 2]) < 0.01) & (np.abs(local[..., 0] - 2.0) < 0.3) & (np.abs(local[..., 1]) < 0.3)
     depth = np.where(hole, sample.frame.depth_m * (1.5 / 1.2), sample.frame.depth_m).astype(np.float32)
     result = free_space_of(replace(sample.frame, depth_m=depth), with_truth(sample))
@@ -252,10 +258,7 @@ def test_below_an_edge_nothing_is_free(drop_m: float, noise: str) -> None:
     """A step down over the whole width, of which the camera sees the lower floor: that is no noise of this floor."""
     sample, _ = look(empty())
     assert sample.frame.depth_m is not None
-    assert sample.truth is not None
-    assert sample.truth.down_camera is not None
-    T = floor_frame(sample.truth.down_camera, 1.2)
-    local = (KINECT.rays() * sample.frame.depth_m[..., None] - T[:3, 3]) @ T[:3, :3]
+    local, _ = places(sample, 1.2)
     below = (np.abs(local[..., 2]) < 0.01) & (local[..., 0] > 2.0)
     depth = np.where(below, sample.frame.depth_m * (1.0 + drop_m / 1.2), sample.frame.depth_m)
     if noise == "kinect":
@@ -271,8 +274,7 @@ def test_the_floor_is_that_on_which_the_camera_stands() -> None:
     assert sample.frame.depth_m is not None
     assert sample.truth is not None
     assert sample.truth.down_camera is not None
-    T = floor_frame(sample.truth.down_camera, 1.5)
-    local = (KINECT.rays() * sample.frame.depth_m[..., None] - T[:3, 3]) @ T[:3, :3]
+    local, T = places(sample, 1.5)
     below = (np.abs(local[..., 2]) < 0.01) & (local[..., 0] > 2.0)
     depth = np.where(below, sample.frame.depth_m * (1.65 / 1.5), sample.frame.depth_m).astype(np.float32)
     geometry = compute_depth_geometry(replace(sample.frame, depth_m=depth), CONFIG)
@@ -290,11 +292,8 @@ def test_the_far_side_of_a_hole_is_not_free() -> None:
     """The wall below its far edge is seen a little below the floor, no deeper than noise."""
     sample, _ = look(empty(), height=1.5, pitch=-0.5)
     assert sample.frame.depth_m is not None
-    assert sample.truth is not None
-    assert sample.truth.down_camera is not None
-    T = floor_frame(sample.truth.down_camera, 1.5)
+    place, T = places(sample, 1.5)
     rays = KINECT.rays() @ T[:3, :3]
-    place = (KINECT.rays() * sample.frame.depth_m[..., None] - T[:3, 3]) @ T[:3, :3]
     hole = (np.abs(place[..., 2]) < 0.01) & (np.abs(place[..., 0] - 2.3) < 0.5) & (np.abs(place[..., 1]) < 0.5)
     bottom, wall = sample.frame.depth_m * (2.0 / 1.5), 2.8 / np.maximum(rays[..., 0], 1e-6)
     depth = np.where(hole, np.minimum(bottom, wall), sample.frame.depth_m).astype(np.float32)

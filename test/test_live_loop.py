@@ -38,6 +38,14 @@ class Workshop:
             self.now = job * PERIOD_S
             self.loop.submit(job)
 
+    def work_until(self, now: float, *jobs: int) -> None:
+        """Work on job 0 while `jobs` come, and be done with it at `now` periods."""
+        self.send(0)
+        assert self.inside.wait(PATIENCE_S)
+        self.send(*jobs)
+        self.now = now * PERIOD_S
+        self.gate.set()
+
     def until_finished(self, number: int) -> None:
         for _ in range(number):
             assert self.finished.acquire(timeout=PATIENCE_S)
@@ -52,11 +60,7 @@ def workshop() -> Iterator[Workshop]:
 
 
 def test_an_old_job_gives_way_to_the_one_that_is_due(workshop: Workshop) -> None:
-    workshop.send(0)
-    assert workshop.inside.wait(PATIENCE_S)
-    workshop.send(*range(1, 10))
-    workshop.now = 9.8 * PERIOD_S
-    workshop.gate.set()
+    workshop.work_until(9.8, *range(1, 10))
     workshop.until_finished(1)
     workshop.send(10)
     workshop.until_finished(1)
@@ -66,31 +70,19 @@ def test_an_old_job_gives_way_to_the_one_that_is_due(workshop: Workshop) -> None
 
 @pytest.mark.parametrize("age", [0.2, 0.8, 5.0], ids=["new", "old, and none comes", "old, and none is due"])
 def test_the_last_job_is_done_whatever_its_age(workshop: Workshop, age: float) -> None:
-    workshop.send(0)
-    assert workshop.inside.wait(PATIENCE_S)
-    workshop.send(*range(1, 10))
-    workshop.now = (9.0 + age) * PERIOD_S
-    workshop.gate.set()
+    workshop.work_until(9.0 + age, *range(1, 10))
     workshop.until_finished(2)
     assert workshop.done == [0, 9]
 
 
 def test_a_job_is_not_old_before_the_rhythm_is_known(workshop: Workshop) -> None:
-    workshop.send(0)
-    assert workshop.inside.wait(PATIENCE_S)
-    workshop.send(1, 2)
-    workshop.now = 2.9 * PERIOD_S
-    workshop.gate.set()
+    workshop.work_until(2.9, 1, 2)
     workshop.until_finished(2)
     assert workshop.done == [0, 2]
 
 
 def test_the_end_does_not_wait_for_a_newer_job(workshop: Workshop) -> None:
-    workshop.send(0)
-    assert workshop.inside.wait(PATIENCE_S)
-    workshop.send(*range(1, 10))
-    workshop.now = 9.8 * PERIOD_S
-    workshop.gate.set()
+    workshop.work_until(9.8, *range(1, 10))
     workshop.until_finished(1)
     assert workshop.loop.close(PATIENCE_S)
     assert len(workshop.done) + len(workshop.dropped) == 10

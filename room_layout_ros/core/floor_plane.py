@@ -328,6 +328,12 @@ def _floor_sums(pixels, intrinsics, plane, half_width):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True)
+def _height(plane, d, rx, ry, z):  # type: ignore[no-untyped-def]
+    """Height in m of the point at depth z on the ray (rx, ry, 1) over the plane n / d, of which d is the distance."""
+    return d * (1.0 - (plane[0] * rx + plane[1] * ry + plane[2]) * z)
+
+
+@njit(cache=True, nogil=True)
 def _share_on(pixels, intrinsics, plane, half_width):  # type: ignore[no-untyped-def]
     """Share of the pixels within a half width and twice the noise of the plane; 1 without any."""
     fx, fy, cx, cy = intrinsics
@@ -335,7 +341,7 @@ def _share_on(pixels, intrinsics, plane, half_width):  # type: ignore[no-untyped
     on = 0
     for k in range(len(pixels)):
         rx, ry, z = (pixels[k, 0] - cx) / fx, (pixels[k, 1] - cy) / fy, 1.0 / pixels[k, 2]
-        h = d * (1.0 - (plane[0] * rx + plane[1] * ry + plane[2]) * z)
+        h = _height(plane, d, rx, ry, z)
         on += abs(h) < half_width + 2.0 * depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) * d / z
     return on / len(pixels) if len(pixels) else 1.0
 
@@ -359,7 +365,7 @@ def _stands_on_lower(inverse, intrinsics, plane):  # type: ignore[no-untyped-def
         for u in range(0, width, _STRIDE):
             if inverse[v, u] > 0.0:
                 z = 1.0 / inverse[v, u]
-                h = d * (1.0 - (plane[0] * ((u - cx) / fx) + plane[1] * ((v - cy) / fy) + plane[2]) * z)
+                h = _height(plane, d, (u - cx) / fx, (v - cy) / fy, z)
                 k = int((-h - _LOWER_FROM_M) / _LOWER_LAYER_M)
                 if h < -_LOWER_FROM_M and k < _LOWER_LAYERS:
                     layers[k] += _STRIDE * _STRIDE
@@ -379,7 +385,7 @@ def _heights(pixels, intrinsics, plane, bias):  # type: ignore[no-untyped-def]
         top = bias[i, j] + q * (bias[i, n] - bias[i, j])
         slow = top + p * (bias[m, j] + q * (bias[m, n] - bias[m, j]) - top)
         z = 1.0 / (pixels[k, 2] - slow)
-        h = d * (1.0 - (plane[0] * ((u - cx) / fx) + plane[1] * ((v - cy) / fy) + plane[2]) * z)
+        h = _height(plane, d, (u - cx) / fx, (v - cy) / fy, z)
         bin_, band = int(abs(h) / _HISTOGRAM_M), int(z / BAND_M)
         if bin_ < _HISTOGRAM_BINS and 0 <= band < _BANDS:
             counts[0 if h <= 0.0 else 1, band, bin_] += 1

@@ -206,7 +206,7 @@ def _trws(unary, edges, pairwise, starts, codes, messages, labels, sweeps):  # t
     for i in range(nodes):
         best[i] = _argmin(unary[i]) if labels[i] < 0 else labels[i]
     _descend(unary, edges, pairwise, starts, codes, best)
-    best_energy = _energy(unary, edges, pairwise, best)
+    best_energy = _cost(unary, edges, pairwise[::2], best)
     bound = -np.inf
     current = np.zeros(nodes, np.int64)
     belief, fixed = np.empty(_WIDTH), np.empty(_WIDTH)
@@ -215,7 +215,7 @@ def _trws(unary, edges, pairwise, starts, codes, messages, labels, sweeps):  # t
             _collect(unary, edges, pairwise, starts, codes, messages, current, i, belief, fixed)
             current[i] = _argmin(fixed)
             _send(pairwise, starts, codes, messages, i, 0, belief)
-        energy = _energy(unary, edges, pairwise, current)
+        energy = _cost(unary, edges, pairwise[::2], current)
         if energy < best_energy - 1e-12:
             best_energy = energy
             best[:] = current
@@ -228,7 +228,7 @@ def _trws(unary, edges, pairwise, starts, codes, messages, labels, sweeps):  # t
         if stalled or best_energy - bound < 1e-7 * (1.0 + abs(bound)):
             break
     _descend(unary, edges, pairwise, starts, codes, best)
-    return best, _energy(unary, edges, pairwise, best), bound
+    return best, _cost(unary, edges, pairwise[::2], best), bound
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -332,13 +332,3 @@ def _descend(unary, edges, pairwise, starts, codes, labels):  # type: ignore[no-
                 changed = True
         if not changed:
             break
-
-
-@njit(cache=True, nogil=True)
-def _energy(unary, edges, pairwise, labels):  # type: ignore[no-untyped-def]
-    total = 0.0
-    for i in range(len(labels)):
-        total += unary[i, labels[i]]
-    for e in range(len(edges)):
-        total += pairwise[2 * e, labels[edges[e, 0]], labels[edges[e, 1]]]
-    return total

@@ -17,9 +17,7 @@ from .depth_cues import superpixel_planes
 from .plane_segments import compute_plane_segments
 from .room_extents import BEYOND_STEP_M, RoomExtents, azimuth_bin, compute_room_extents
 from .segment_features import segment_columns
-from .surroundings import average_around, color_alike, color_contrast, look_around
-
-Columns = dict[str, NDArray[np.floating]]
+from .surroundings import Columns, average_around, color_alike, color_contrast, look_around
 
 _BEHIND_MARGIN_M = 0.25
 _LEAST_PROBABILITY = 1e-4

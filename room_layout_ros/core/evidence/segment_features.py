@@ -12,8 +12,7 @@ from .plane_reach import COLUMNS as REACH_COLUMNS
 from .plane_reach import compute_plane_reach
 from .plane_segments import PlaneSegments
 from .room_extents import RoomExtents
-
-Columns = dict[str, NDArray[np.floating]]
+from .surroundings import Columns
 
 
 def segment_columns(
