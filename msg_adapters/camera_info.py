@@ -63,7 +63,8 @@ def decode_camera_info(message: CameraInfoLike) -> CameraReading:
 def may_be_bent(K: ArrayLike, P: ArrayLike, D: ArrayLike) -> bool:
     """Whether a lens distorts and nothing says that its images are rectified: P (12,) is that of K (9,), or none."""
     k, p = np.asarray(K), np.asarray(P)
-    return bool(np.any(D)) and (not p.any() or np.array_equal(p[[0, 2, 5, 6]], k[[0, 2, 4, 5]]))
+    distorted = bool((np.asarray(D) != 0).any())
+    return distorted and (not (p != 0).any() or np.array_equal(p[[0, 2, 5, 6]], k[[0, 2, 4, 5]]))
 
 
 def check_size(camera: CameraIntrinsics, what: str, height: int, width: int) -> None:
