@@ -39,6 +39,9 @@ _MIN_HOLE = 0.3
 _MAX_GAP = 0.3
 """Share of a cell without depth, and not floor by the picture, from which on something may stand there."""
 
+_ALL_GAP = 0.8
+"""Share from which on a black thing may fill the cell and reach into the one before it."""
+
 _BRIDGE_CELLS = 2
 """With `free_by_picture` holes of the depth are free up to this far from floor that was measured."""
 
@@ -53,12 +56,13 @@ _TOUCH_SHARE = 0.1
 _DOUBT_SHARE = 0.8
 _TOUCH_PIXELS = 2.5
 _TAIL_SHARE = 0.25
-_STRAY_SIGMAS = 3.0
-"""The few pixels of a cell beside a thing may lie this much before their true place."""
+_STRAY_SIGMAS, _BEHIND_SIGMAS, _SURE_SIGMAS = (1.5, 4.0), (2.0, 0.5), (0.0, 1.5)
+"""In deviations of the depth's noise, within `_CLOSE_M` and beyond: the few pixels of a cell beside a thing may lie this
+much before their true place; a thing may go on so far behind its farthest pixel; its nearest pixel lies before it."""
 
-_BEHIND_SIGMAS = 2.0
-_SURE_SIGMAS, _SURE_M = 0.75, 0.01
-"""The nearest of many pixels lies before the thing: part of the noise's deviation is taken off, but for this much."""
+_CLOSE_M, _PLACE_M = 3.0, 0.01
+"""Up to here free has to be certain, beyond it the more likely counts: a robot comes nearer before it gets there. So
+much of the noise is left in: the place of a pixel."""
 
 _BEHIND_WALL_CELLS = 3
 _BEHIND_HOLE_CELLS = 1.5
@@ -265,12 +269,12 @@ def _decide(sums, corner, thing, height, sigma, walls, half_view, focal, fit, li
                 continue
             cell = sums[i, j]
             r = np.sqrt(x * x + y * y)
-            beside = _is_beside(thing, i, j)
+            beside, far = _is_beside(thing, i, j), int(r > _CLOSE_M)
             raised = height[i, j] > max(lowest, _DOUBT_SIGMAS * sigma[i, j])
             hole, gap = cell[HOLE] >= _MIN_HOLE, cell[BLIND] >= _MAX_GAP
             pixel = r * r / (focal * size) ** 2  # share of a cell that a pixel covers there
             touched = cell[OBSTACLE] >= _DOUBT_SHARE * least_area or (
-                beside and cell[TOUCHED] >= max(_TOUCH_SHARE * least_area, _TOUCH_PIXELS * pixel)
+                beside and far == 0 and cell[TOUCHED] >= max(_TOUCH_SHARE * least_area, _TOUCH_PIXELS * pixel)
             )
             if thing[i, j] or hole:
                 grid[i, j] = OCCUPIED_CELL
@@ -278,13 +282,14 @@ def _decide(sums, corner, thing, height, sigma, walls, half_view, focal, fit, li
                 clear = not (raised or touched or gap) and _is_floor(sums, i, j, least_seen, bridge_cells)
                 grid[i, j] = FREE_CELL if clear else UNKNOWN_CELL
             noise = band_sigma(noise_m, r) * r / distance
-            stands = thing[i, j] or hole or raised or gap
+            blind = cell[BLIND] >= _ALL_GAP
+            stands = thing[i, j] or hole or blind
             if stands or (beside and cell[OBSTACLE_PIXELS] > 0):
-                at = cell[NEAREST] if cell[NEAREST] < np.inf else r - 0.5 * size
-                sure = max(_SURE_SIGMAS * noise - _SURE_M, 0.0) if thing[i, j] else 0.0
-                nearest[i, j] = at + (sure if stands else _STRAY_SIGMAS * noise)
+                at = cell[NEAREST] if cell[NEAREST] < np.inf else r - (1.5 if blind else 0.5) * size
+                early = (_SURE_SIGMAS[far] if thing[i, j] else 0.0) if stands else _STRAY_SIGMAS[far]
+                nearest[i, j] = at + max(early * noise - _PLACE_M, 0.0)
             if thing[i, j]:
-                farthest[i, j] = cell[FARTHEST] + _BEHIND_SIGMAS * noise
+                farthest[i, j] = cell[FARTHEST] + _BEHIND_SIGMAS[far] * noise
             elif hole:  # its far side is seen a little below the edge, as floor is by its noise
                 farthest[i, j] = r + _BEHIND_HOLE_CELLS * size
     return grid, nearest, farthest

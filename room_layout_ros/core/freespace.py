@@ -24,6 +24,7 @@ from .free_cells import FREE_CELL, OCCUPIED_CELL, UNKNOWN_CELL, blind_cells, dec
 from .overhang import hide_overhung
 from .scan import RangeScan, cast_scan
 from .sight_lines import in_line_of_sight
+from .thing_surfaces import smooth_things
 from .wall_lines import refine_walls
 
 __all__ = ["FREE_CELL", "OCCUPIED_CELL", "UNKNOWN_CELL", "FreeSpace", "compute_free_space"]
@@ -94,6 +95,8 @@ def compute_free_space(
     walls = walls_on_floor(estimate.cuboid if estimate.metric else None, T_camera_floor)
     holes = close_holes(geometry.inverse_depth, estimate.labels, color)
     remove_bias(holes.inverse_depth, fit.bias)
+    lowest = config.obstacle_min_height_m
+    smooth_things(holes.inverse_depth, estimate.labels, estimate.superpixels, fit, geometry.camera, lowest)
     closed = replace(geometry, inverse_depth=holes.inverse_depth)
     walls = refine_walls(closed, estimate, T_camera_floor, walls)
     barriers = walls[:0] if config.free_beyond_walls else walls

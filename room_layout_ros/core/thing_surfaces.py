@@ -1,0 +1,159 @@
+"""The depth of things, smoothed on the planes of their superpixels.
+
+What stands in a room is mostly made of flat pieces: fronts, tops, seats. A piece is as flat as the superpixel it lies in,
+and the plane through its hundreds of pixels is known several times better than each of them. So a pixel above the floor is
+moved along its ray to that plane, if it lies on it as far as its noise can tell; what is round or cluttered stays as it
+was measured. The noise is that of the floor in the same frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from .floor_cells import band_sigma
+from .floor_plane import FloorFit
+from .frame import CameraIntrinsics
+from .labels import FLOOR, N_LABELS
+
+_STRIDE = 2
+_ROUNDS = 3
+_SIGMAS = 4.0
+"""Pixels within so many deviations of the plane lie on it."""
+
+_ABOVE_SIGMAS = 2.0
+"""A pixel this far above the floor is no floor, for the fit."""
+
+_MIN_PIXELS = 12
+"""Of every second row and column, that make a plane."""
+
+_STEPS, _PER_UNIT = 1000, 200.0
+"""Entries of the table of the noise, and per 1/m of inverse depth."""
+
+
+def smooth_things(
+    inverse_depth: NDArray[np.float32],
+    labels: NDArray[np.uint8],
+    superpixels: NDArray[np.int32],
+    fit: FloorFit,
+    camera: CameraIntrinsics,
+    lowest_m: float,
+) -> None:
+    """Move the pixels of things to the planes of their superpixels, in place.
+
+    Parameters
+    ----------
+    inverse_depth : (H, W) float32, 1/m, 0 where nothing was measured.
+    labels : (H, W) uint8 of the estimate: a superpixel across two walls has two planes; floor is left as it is.
+    superpixels : (H, W) int32 index. fit : FloorFit of the frame.
+    lowest_m : what is lower over the floor stays as it is.
+    """
+    floor = fit.normal / fit.distance_m
+    a, b = floor[0] / camera.fx, floor[1] / camera.fy
+    plane = (a, b, floor[2] - a * camera.cx - b * camera.cy)
+    noise = _noise(fit.sigma_m, fit.distance_m)
+    planes = _fit_planes(inverse_depth, labels, superpixels, plane, noise, (lowest_m, fit.distance_m))
+    _move(inverse_depth, labels, superpixels, plane, noise, lowest_m / fit.distance_m, planes)
+
+
+@njit(cache=True, nogil=True)
+def _noise(sigma_m, distance):  # type: ignore[no-untyped-def]
+    """Standard deviation of the inverse depth, 1/m, per step of inverse depth, from that of the floor's height."""
+    noise = np.empty(_STEPS, np.float32)
+    for k in range(_STEPS):
+        z = _PER_UNIT / (k + 0.5)
+        noise[k] = band_sigma(sigma_m, z) / (distance * z)
+    return noise
+
+
+@njit(cache=True, nogil=True)
+def _fit_planes(inverse, labels, index, floor, noise, limits):  # type: ignore[no-untyped-def]
+    """(pieces, 3) inverse depth a u + b v + c of each one's things, NaN where too few pixels agree."""
+    pixels, owner = _above_floor(inverse, labels, index, floor, noise, limits)
+    planes = np.full(((index.max() + 1) * (N_LABELS + 1), 3), np.nan)
+    sums = np.empty((len(planes), 10))
+    for turn in range(_ROUNDS + 1):
+        sums[:] = 0.0
+        for n in range(len(pixels)):
+            u, v, w, weight = pixels[n, 0], pixels[n, 1], pixels[n, 2], 1.0
+            one = sums[owner[n]]
+            if turn > 0:
+                p = planes[owner[n]]
+                q = (w - p[0] * u - p[1] * v - p[2]) / (_SIGMAS * pixels[n, 3])
+                if not q * q < 1.0:
+                    continue
+                weight = (1.0 - q * q) ** 2
+            one[0] += weight
+            one[1] += weight * u
+            one[2] += weight * v
+            one[3] += weight * w
+            one[4] += weight * u * u
+            one[5] += weight * u * v
+            one[6] += weight * v * v
+            one[7] += weight * u * w
+            one[8] += weight * v * w
+            one[9] += 1.0
+        for k in range(len(planes)):
+            planes[k] = _solve(sums[k])
+    return planes
+
+
+@njit(cache=True, nogil=True)
+def _above_floor(inverse, labels, index, floor, noise, limits):  # type: ignore[no-untyped-def]
+    """Pixels (n, 4) float32 that stand above the floor: u, v, inverse depth and its deviation; and their superpixels."""
+    lowest, distance = limits
+    height, width = inverse.shape
+    most = ((height + _STRIDE - 1) // _STRIDE) * ((width + _STRIDE - 1) // _STRIDE)
+    pixels, owner = np.empty((most, 4), np.float32), np.empty(most, np.int32)
+    count = 0
+    for v in range(0, height, _STRIDE):
+        for u in range(0, width, _STRIDE):
+            w = inverse[v, u]
+            if w <= 0.0 or labels[v, u] == FLOOR:
+                continue
+            sigma = noise[min(int(w * _PER_UNIT), _STEPS - 1)]
+            over = w - (floor[0] * u + floor[1] * v + floor[2])
+            if over > lowest / distance * w and over > _ABOVE_SIGMAS * sigma:
+                pixels[count, 0], pixels[count, 1], pixels[count, 2], pixels[count, 3] = u, v, w, sigma
+                owner[count] = _piece(index[v, u], labels[v, u])
+                count += 1
+    return pixels[:count], owner[:count]
+
+
+@njit(cache=True, nogil=True)
+def _piece(superpixel, label):  # type: ignore[no-untyped-def]
+    """Index of the part of a superpixel that has this label."""
+    return np.int64(superpixel) * (N_LABELS + 1) + label
+
+
+@njit(cache=True, nogil=True)
+def _solve(sums):  # type: ignore[no-untyped-def]
+    """Plane a u + b v + c from the weighted sums of its pixels; NaN where too few are."""
+    plane = np.full(3, np.nan)
+    if sums[9] < _MIN_PIXELS or sums[0] <= 0.0:
+        return plane
+    u, v, w = sums[1] / sums[0], sums[2] / sums[0], sums[3] / sums[0]
+    uu, uv, vv = sums[4] / sums[0] - u * u, sums[5] / sums[0] - u * v, sums[6] / sums[0] - v * v
+    uw, vw = sums[7] / sums[0] - u * w, sums[8] / sums[0] - v * w
+    det = uu * vv - uv * uv
+    if det <= 1e-6 * max(uu * vv, 1e-9):
+        return plane
+    plane[0], plane[1] = (vv * uw - uv * vw) / det, (uu * vw - uv * uw) / det
+    plane[2] = w - plane[0] * u - plane[1] * v
+    return plane
+
+
+@njit(cache=True, nogil=True)
+def _move(inverse, labels, index, floor, noise, lowest, planes):  # type: ignore[no-untyped-def]
+    """Set the inverse depth of pixels above the floor to that of their superpixel's plane where they lie on it."""
+    height, width = inverse.shape
+    for v in range(height):
+        for u in range(width):
+            w = inverse[v, u]
+            if labels[v, u] == FLOOR or w - (floor[0] * u + floor[1] * v + floor[2]) <= lowest * w or w <= 0.0:
+                continue
+            p = planes[_piece(index[v, u], labels[v, u])]
+            on_plane = p[0] * u + p[1] * v + p[2]
+            if abs(w - on_plane) < _SIGMAS * noise[min(int(w * _PER_UNIT), _STEPS - 1)]:
+                inverse[v, u] = on_plane
