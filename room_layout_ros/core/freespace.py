@@ -21,6 +21,7 @@ from .floor_frame import floor_frame, room_outline, walls_on_floor
 from .floor_plane import FloorPlane, fit_floor, remove_bias
 from .frame import CameraIntrinsics
 from .free_cells import FREE_CELL, OCCUPIED_CELL, UNKNOWN_CELL, blind_cells, decide_cells, floor_levels, occupied_cells
+from .low_things import find_low_things
 from .overhang import hide_overhung
 from .scan import RangeScan, cast_scan
 from .sight_lines import in_line_of_sight
@@ -103,10 +104,12 @@ def compute_free_space(
     cells = sum_floor_cells(closed, holes.kind, fit, T_camera_floor, barriers, config)
     levels = floor_levels(cells)
     thing = occupied_cells(cells, levels, config)
+    if color is not None:
+        thing |= find_low_things(color, cells, levels, thing, config)
     camera, corner = geometry.camera, cells.corner
     grid = decide_cells(cells, levels, thing, fit, barriers, _half_view(camera), camera.fx, config)
     hide_overhung(
-        grid, holes.inverse_depth, camera, T_camera_floor, corner, config.robot_height_m, config.obstacle_margin_m
+        grid, holes.inverse_depth, cells.kind, camera, T_camera_floor, corner, config.robot_height_m, config.obstacle_margin_m
     )
     size, (x0, y0) = cells.resolution_m, cells.origin_m
     box = (x0, y0, x0 + grid.shape[1] * size, y0 + grid.shape[0] * size)

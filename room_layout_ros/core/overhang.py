@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from .floor_cells import OBSTACLE_PIXEL
 from .frame import CameraIntrinsics
 
 _STEP_M = 0.05
@@ -13,13 +14,14 @@ _MIN_HIDDEN = 4
 _COVER_M = (0.08, 0.5)
 """What stands this far before the space above a cell hides what may hang there."""
 
-_CUT_M = -0.15
-"""At the side of the picture also what stands this little behind it."""
+_CUT_M = -0.3
+"""What is cut off by the side of the picture may come this much nearer beyond it."""
 
 
 def hide_overhung(
     grid: NDArray[np.int8],
     inverse_depth: NDArray[np.float32],
+    kind: NDArray[np.uint8],
     camera: CameraIntrinsics,
     T_camera_floor: NDArray[np.float64],
     corner: tuple[float, float, float],
@@ -31,18 +33,19 @@ def hide_overhung(
     Parameters
     ----------
     grid : (rows, cols) int8, changed in place. inverse_depth : (H, W) float32, 0 where nothing was measured.
+    kind : (H, W) uint8 of `sum_floor_cells`: a thing goes on beyond the side of the picture, a wall is where it is.
     corner : x and y of the lower corner of cell (0, 0), and the side of a cell; m.
     margin_m : cells this near before a thing are not free; where that place is beside the picture, it is looked at too.
     """
     intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
-    _hide(grid, inverse_depth, intrinsics, T_camera_floor, corner, robot_height_m, margin_m)
+    _hide(grid, inverse_depth, kind, intrinsics, T_camera_floor, corner, robot_height_m, margin_m)
 
 
 @njit(cache=True, nogil=True)
-def _hide(grid, inverse, intrinsics, T, corner, robot_height, margin):  # type: ignore[no-untyped-def]
+def _hide(grid, inverse, kind, intrinsics, T, corner, robot_height, margin):  # type: ignore[no-untyped-def]
     """Free cells become unknown where a thing hides the space above one of their corners (a chair's seat)."""
     rows, cols = grid.shape
-    covered = _covered(grid, inverse, intrinsics, T, corner, robot_height, margin)
+    covered = _covered(grid, inverse, kind, intrinsics, T, corner, robot_height, margin)
     for i in range(rows):
         for j in range(cols):
             hidden = covered[i, j] or covered[i + 1, j] or covered[i, j + 1] or covered[i + 1, j + 1]
@@ -51,7 +54,7 @@ def _hide(grid, inverse, intrinsics, T, corner, robot_height, margin):  # type: 
 
 
 @njit(cache=True, nogil=True)
-def _covered(grid, inverse, intrinsics, T, corner, robot_height, margin):  # type: ignore[no-untyped-def]
+def _covered(grid, inverse, kind, intrinsics, T, corner, robot_height, margin):  # type: ignore[no-untyped-def]
     """Corners (rows + 1, cols + 1) of free cells over which something nearer hides part of the space."""
     fx, fy, cx, cy = intrinsics
     x0, y0, size = corner
@@ -92,9 +95,10 @@ def _covered(grid, inverse, intrinsics, T, corner, robot_height, margin):  # typ
                     if v < 0 or v >= height or inverse[v, u] <= 0.0:
                         continue
                     # how far it stands before the space: z - 1 / inverse, without a division
-                    least, most = z - (_CUT_M if cut else _COVER_M[0]), z - _COVER_M[1]
+                    goes_on = cut and kind[v, u] == OBSTACLE_PIXEL
+                    least, most = z - (_CUT_M if goes_on else _COVER_M[0]), z - _COVER_M[1]
                     if least * inverse[v, u] > 1.0 and most * inverse[v, u] < 1.0:
-                        hidden += 2 if cut else 1
+                        hidden += 2 if goes_on else 1
                         if hidden >= _MIN_HIDDEN:
                             covered[i, j] = True
                             break

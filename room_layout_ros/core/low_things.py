@@ -1,0 +1,117 @@
+"""Low things that noise hides from the depth, and a colour of their own parts from the floor.
+
+A cube of 5 cm at 2.8 m is two deviations of a stereo camera's noise: no cell by itself tells it from a ripple. But the
+picture shows where it ends. Neighbouring cells whose colour the floor of this frame does not have are one patch, and the
+mean height of a patch is known better than that of its cells. A floor of many colours makes nothing stand out.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from .config import EstimatorConfig
+from .floor_cells import FLOOR_PIXEL, FLOOR_PIXELS, HEIGHT, FloorCells
+from .free_cells import Levels
+
+_STRIDE = 2
+_MIN_PIXELS = 3
+_MIN_CELLS = 50
+"""Floor of fewer cells has no colour to differ from."""
+
+_OTHER, _SOMEWHAT = 5.0, 2.5
+"""In robust deviations of the floor's colours: a patch has a cell of the first, and grows over cells of the second."""
+
+_LEAST_DEVIATION = (0.004, 0.004, 6.0)
+"""Of the shares of red and green, and of brightness in levels: no floor is more even than this."""
+
+_MOST_CELLS = 40
+"""A larger patch is a rug."""
+
+_SIGMAS, _MEAN_SHARE = 2.0, 0.5
+"""The mean height of a patch, its rim with it, is above so many deviations and this share of what counts as a thing."""
+
+_MAD_TO_SIGMA = 1.4826
+
+
+def find_low_things(
+    color: NDArray[np.uint8], cells: FloorCells, levels: Levels, thing: NDArray[np.bool_], config: EstimatorConfig
+) -> NDArray[np.bool_]:
+    """Return (rows, cols) bool: patches of floor of another colour that lie higher than what can be driven over.
+
+    Parameters
+    ----------
+    color : (H, W, 3) uint8 RGB. levels : of `floor_levels`. thing : (rows, cols) bool of `occupied_cells`.
+    """
+    odd = _oddness(_cell_colors(color, cells.kind, cells.cell, cells.sums.shape[:2]))
+    odd[thing] = 0.0
+    count, patch = cv2.connectedComponents((odd > _SOMEWHAT).astype(np.uint8), connectivity=8)
+    if count == 1:
+        return np.zeros(odd.shape, np.bool_)
+    seen = (levels.height_m, levels.sigma_m)
+    return np.asarray(_raised(patch, count, odd, cells.sums, seen, config.obstacle_min_height_m))
+
+
+def _oddness(colors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(rows, cols) float32 how many deviations a cell's colour is from the floor's median, 0 where it has none."""
+    some = np.isfinite(colors[..., 0])
+    if some.sum() < _MIN_CELLS:
+        return np.zeros(some.shape, np.float32)
+    seen = colors[some]
+    middle = np.median(seen, axis=0)
+    spread = np.maximum(_MAD_TO_SIGMA * np.median(np.abs(seen - middle), axis=0), _LEAST_DEVIATION)
+    odd = np.zeros(some.shape, np.float32)
+    odd[some] = (np.abs(seen - middle) / spread)[:, :2].max(axis=1)
+    return odd
+
+
+@njit(cache=True, nogil=True)
+def _cell_colors(color, kind, cell, shape):  # type: ignore[no-untyped-def]
+    """(rows, cols, 3) float32 shares of red and green, and brightness of the floor pixels of each cell; NaN: too few."""
+    rows, cols = shape
+    sums = np.zeros((rows * cols, 4), np.float32)
+    for v in range(0, kind.shape[0], _STRIDE):
+        for u in range(0, kind.shape[1], _STRIDE):
+            if kind[v, u] == FLOOR_PIXEL and cell[v, u] >= 0:
+                one = sums[cell[v, u]]
+                one[0] += color[v, u, 0]
+                one[1] += color[v, u, 1]
+                one[2] += color[v, u, 2]
+                one[3] += 1.0
+    colors = np.full((rows, cols, 3), np.nan, np.float32)
+    for k in range(rows * cols):
+        bright = sums[k, 0] + sums[k, 1] + sums[k, 2]
+        if sums[k, 3] >= _MIN_PIXELS and bright > 0.0:
+            i, j = k // cols, k % cols
+            colors[i, j, 0], colors[i, j, 1] = sums[k, 0] / bright, sums[k, 1] / bright
+            colors[i, j, 2] = bright / (3.0 * sums[k, 3])
+    return colors
+
+
+@njit(cache=True, nogil=True)
+def _raised(patch, count, odd, sums, levels, lowest):  # type: ignore[no-untyped-def]
+    """Cells of the patches that are small, of another colour, and high for their number of cells."""
+    rows, cols = patch.shape
+    level, sigma = levels
+    height, pixels, cells, noise = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
+    oddest, highest = np.zeros(count), np.zeros(count)
+    for i in range(rows):
+        for j in range(cols):
+            k = patch[i, j]
+            if k > 0:
+                height[k] += sums[i, j, HEIGHT]
+                pixels[k] += sums[i, j, FLOOR_PIXELS]
+                noise[k] = max(noise[k], sigma[i, j])
+                oddest[k] = max(oddest[k], odd[i, j])
+                highest[k] = max(highest[k], level[i, j])
+                cells[k] += 1
+    thing = np.zeros((rows, cols), np.bool_)
+    for i in range(rows):
+        for j in range(cols):
+            k = patch[i, j]
+            if k > 0 and oddest[k] >= _OTHER and cells[k] <= _MOST_CELLS and highest[k] > lowest:
+                least = max(_MEAN_SHARE * lowest, _SIGMAS * noise[k] / np.sqrt(cells[k]))
+                thing[i, j] = height[k] / pixels[k] > least
+    return thing
