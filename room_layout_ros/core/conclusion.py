@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from .confidence import ConfidenceModel, Signs, state_confidence
 from .depth import DepthGeometry
+from .edge_refinement import RoomPicture, refine_on_edges
 from .estimate import RoomEstimate, Status
 from .frame import CameraIntrinsics, RgbdFrame
 from .joint import JointEstimate
 from .labels import CLUTTER, N_LABELS
 from .layout import RoomCuboid
+from .lines import LineSegments
 from .manhattan import ManhattanFrame
 from .room_balance import balance_faces
 from .room_cells import image_cells, room_cells
@@ -58,12 +60,15 @@ def refine_cuboid(
     context: NDArray[np.float64] | None,
     axes: ManhattanFrame,
     scores: SceneScores | None,
+    color: NDArray[np.uint8] | None = None,
+    segments: LineSegments | None = None,
 ) -> RefinedRoom:
     """Turn the axes and move the planes of the discrete optimum to the best continuous cuboid.
 
     With depth the refinement starts from the joint solution and from the best cuboid over candidate offsets
-    (`room_search`), and keeps the better one. Without, the image decides: context and labels in equal parts. Where no
-    context is known, the labels alone are believed.
+    (`room_search`), keeps the better one and, where there is a picture, moves it onto the edges seen there
+    (`edge_refinement`). Without, the image decides: context and labels in equal parts. Where no context is known, the
+    labels alone are believed.
 
     Parameters
     ----------
@@ -73,6 +78,7 @@ def refine_cuboid(
     axes : ManhattanFrame, in whose naming the scene network sees the walls.
     scores : SceneScores or None
         The face behind each part of the image, which counts besides.
+    color : (H, W, 3) uint8 or None. segments : of it, or None.
     """
     cuboid = joint.cuboid
     labels = np.eye(N_LABELS)[joint.labels.astype(np.intp) - 1]
@@ -90,6 +96,10 @@ def refine_cuboid(
         starts = (rate_room(rated, start), search_room(rated, cuboid.R_room_camera))
         limit = _HOPELESS * min(start.cost for start in starts)
         room = min((refine_room(rated, start) for start in starts if start.cost <= limit), key=lambda room: room.cost)
+        if color is not None and segments is not None:
+            picture = RoomPicture(color, segments, superpixels.index, joint.labels == CLUTTER)
+            moved = refine_on_edges(cells, camera, picture, room.R_room_camera, room.distances)
+            room = rate_room(rated, FittedRoom(*moved, np.inf))
         measured = geometry.measured
     balance = balance_faces(cells, room.R_room_camera, room.distances)
     return RefinedRoom(RoomCuboid(room.R_room_camera, room.distances), room.cost, balance, measured, certainty)

@@ -91,7 +91,10 @@ class LayoutEstimator:
         with run.beside(
             "furniture", find_furniture, superpixels, joint.labels, seen.features, models.furniture
         ) as drawn:
-            room = run("refinement", refine_cuboid, joint, geometry, camera, superpixels, context, axes, seen.scores)
+            room = run(
+                "refinement", refine_cuboid, joint, geometry, camera, superpixels, context, axes, seen.scores,
+                frame.color, seen.segments,
+            )  # fmt: skip
         confidence = models.confidence
         return conclude(frame, axes, superpixels, joint, room, drawn(), confidence, run.timings_ms)
 
