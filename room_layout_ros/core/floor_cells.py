@@ -32,6 +32,10 @@ _FAR_M, _FAR_GAIN = 3.0, 0.8
 _LOW = 3.0
 """A thing is low up to this many thresholds: its pixels raise the mean height of the cells behind their foot."""
 
+_FLYING_M = 0.08
+"""A pixel this far behind what is on its one side and before what is on its other is no thing: at an edge the sensor,
+or who filled its holes, took the middle."""
+
 _BETWEEN_PIXELS = 1.5
 _MAX_BETWEEN_M = 0.10
 _PER_METRE, _STEPS = 50.0, 700
@@ -138,6 +142,15 @@ def _row_inside(depth, column, reach, out, out_per_px, inside):  # type: ignore[
 
 
 @njit(cache=True, nogil=True)
+def _flies(left, here, right):  # type: ignore[no-untyped-def]
+    """Whether a pixel hangs between a near and a far surface beside it, all inverse depths."""
+    step = _FLYING_M * here * here
+    if min(left, right) <= 0.0:
+        return False
+    return (left - here > step and here - right > step) or (right - here > step and here - left > step)
+
+
+@njit(cache=True, nogil=True)
 def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, limits):  # type: ignore[no-untyped-def]
     fx, fy, cx, cy = intrinsics
     distance, sigma = fit
@@ -190,6 +203,8 @@ def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, lim
             gain = _NEAR_GAIN if near else _FAR_GAIN * min(max(_FAR_M - z, 0.0), _NEAR_GAIN)
             threshold = max(lowest, (factor - gain) * noise)
             if h > threshold:
+                if 2 <= u < width - 2 and _flies(inverse[v, u - 2], inverse[v, u], inverse[v, u + 2]):
+                    continue
                 tolerance = _ON_WALL_M + _ON_WALL_SIGMAS * noise * z / distance
                 if inside[u] < tolerance:
                     kind[v, u] = WALL_PIXEL if inside[u] >= -tolerance else BEYOND_PIXEL
