@@ -51,6 +51,8 @@ def naive_cells(
             if point[2] > highest:
                 continue
             if point[2] > threshold:
+                if 2 <= u < camera.width - 2 and _hangs(*(float(geometry.inverse_depth[v, u + s]) for s in (-2, 0, 2))):
+                    continue
                 gaps = [c - a * point[0] - b * point[1] for a, b, c, _ in walls]
                 kind = WALL_PIXEL if any(g < tolerance for g in gaps) else OBSTACLE_PIXEL
                 kind = BEYOND_PIXEL if any(g < -tolerance for g in gaps) else kind
@@ -67,6 +69,12 @@ def naive_cells(
             for sums, what in ((seen, FLOOR_PIXEL), (obstacle, OBSTACLE_PIXEL), (hole, HOLE_PIXEL)):
                 _add(sums, point, size, (kind == what) * area)
     return seen, obstacle, hole, gap, kinds
+
+
+def _hangs(left: float, here: float, right: float) -> bool:
+    """Between a near and a far surface, 8 cm from both."""
+    near, far = max(left, right), min(left, right)
+    return far > 0 and near - here > 0.08 * here**2 and here - far > 0.08 * here**2
 
 
 def _add(sums: NDArray[np.float64], point: NDArray[np.float64], size: float, area: float) -> None:

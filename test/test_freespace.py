@@ -14,7 +14,16 @@ from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.cuboids import compute_object_cuboids
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.depth_holes import close_holes
-from room_layout_ros.core.floor_cells import BLIND, BRIDGE, HOLE, OBSTACLE, SEEN, sum_floor_cells
+from room_layout_ros.core.floor_cells import (
+    BLIND,
+    BRIDGE,
+    HOLE,
+    OBSTACLE,
+    OBSTACLE_PIXEL,
+    SEEN,
+    WALL_PIXEL,
+    sum_floor_cells,
+)
 from room_layout_ros.core.floor_frame import floor_frame, room_outline, walls_on_floor
 from room_layout_ros.core.floor_plane import FloorFit, FloorPlane, fit_floor, remove_bias
 from room_layout_ros.core.frame import CameraIntrinsics
@@ -220,10 +229,11 @@ def test_what_the_pictures_side_cuts_off_may_stand_in_the_margin() -> None:
     assert sample.truth.labels is not None
     assert (sample.truth.labels[:, 0] == CLUTTER).any(), "the picture's side must cut the box off"
     T = floor_frame(sample.truth.down_camera, 1.2)
+    kind = np.where(sample.truth.labels == CLUTTER, OBSTACLE_PIXEL, WALL_PIXEL).astype(np.uint8)
     hidden = []
     for margin in (0.0, 0.1):
         grid = np.zeros((160, 120), np.int8)
-        hide_overhung(grid, geometry.inverse_depth, KINECT, T, (0.0, -4.0, 0.05), 2.0, margin)
+        hide_overhung(grid, geometry.inverse_depth, kind, KINECT, T, (0.0, -4.0, 0.05), 2.0, margin)
         hidden.append(grid == -1)
     assert not (hidden[0] & ~hidden[1]).any()
     assert (hidden[1] & ~hidden[0]).any()

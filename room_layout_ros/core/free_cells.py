@@ -56,9 +56,9 @@ _TOUCH_SHARE = 0.1
 _DOUBT_SHARE = 0.8
 _TOUCH_PIXELS = 2.5
 _TAIL_SHARE = 0.25
-_STRAY_SIGMAS, _BEHIND_SIGMAS, _SURE_SIGMAS = (1.5, 4.0), (2.0, 0.5), (0.0, 1.5)
-"""In deviations of the depth's noise, within `_CLOSE_M` and beyond: the few pixels of a cell beside a thing may lie this
-much before their true place; a thing may go on so far behind its farthest pixel; its nearest pixel lies before it."""
+_STRAY_SIGMAS, _BEHIND_SIGMAS, _SURE_SIGMAS = (1.5, 4.0), (2.0, 0.5), (-0.5, 1.5)
+"""In deviations of the depth's noise, within `_CLOSE_M` and beyond: the few pixels of a cell beside a thing may lie so
+much before their true place; a thing may go on so far behind its farthest pixel; so much its nearest pixel is early."""
 
 _CLOSE_M, _PLACE_M = 3.0, 0.01
 """Up to here free has to be certain, beyond it the more likely counts: a robot comes nearer before it gets there. So
@@ -66,6 +66,9 @@ much of the noise is left in: the place of a pixel."""
 
 _BEHIND_WALL_CELLS = 3
 _BEHIND_HOLE_CELLS = 1.5
+_STEP_CELLS = 0.25
+"""Of the look along the ray: it shall not step over the corner of a cell."""
+
 _MARGIN_CELLS = 0.15
 """Added to the margin: the place of a thing is known to a pixel, not better (7 mm for cells of 5 cm)."""
 
@@ -113,6 +116,7 @@ def decide_cells(
     cells: FloorCells,
     levels: Levels,
     thing: NDArray[np.bool_],
+    doubt: NDArray[np.bool_],
     fit: FloorFit,
     walls: NDArray[np.float64],
     half_view: float,
@@ -124,11 +128,12 @@ def decide_cells(
     Parameters
     ----------
     levels : of `floor_levels`. thing : (rows, cols) bool of `occupied_cells`.
+    doubt : (rows, cols) bool, something may stand there (`find_low_things`).
     walls : (n, 4) float64 of `walls_on_floor`.
     half_view : float, radians, of the picture to either side. focal_px : float.
     """
     grid, nearest, farthest = _decide(
-        cells.sums, cells.corner, thing, levels.height_m, levels.sigma_m, walls, half_view, focal_px,
+        cells.sums, cells.corner, (thing, doubt), levels.height_m, levels.sigma_m, walls, half_view, focal_px,
         (fit.sigma_m, fit.distance_m),
         (
             config.free_min_seen, config.obstacle_min_area, _DOUBT_HEIGHT_SHARE * config.obstacle_min_height_m,
@@ -240,9 +245,10 @@ def _is_floor(sums, i, j, least, bridge_cells):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _decide(sums, corner, thing, height, sigma, walls, half_view, focal, fit, limits):  # type: ignore[no-untyped-def]
+def _decide(sums, corner, things, height, sigma, walls, half_view, focal, fit, limits):  # type: ignore[no-untyped-def]
     """Cells by what they hold, without their surroundings; and how near and far what stands in them may reach."""
     x0, y0, size = corner
+    thing, doubt = things
     noise_m, distance = fit
     least_seen, least_area, lowest, bridge_cells = limits
     rows, cols, _ = sums.shape
@@ -279,15 +285,16 @@ def _decide(sums, corner, thing, height, sigma, walls, half_view, focal, fit, li
             if thing[i, j] or hole:
                 grid[i, j] = OCCUPIED_CELL
             elif grid[i, j] != OCCUPIED_CELL:
-                clear = not (raised or touched or gap) and _is_floor(sums, i, j, least_seen, bridge_cells)
+                suspect = raised or touched or gap or doubt[i, j]
+                clear = not suspect and _is_floor(sums, i, j, least_seen, bridge_cells)
                 grid[i, j] = FREE_CELL if clear else UNKNOWN_CELL
             noise = band_sigma(noise_m, r) * r / distance
             blind = cell[BLIND] >= _ALL_GAP
-            stands = thing[i, j] or hole or blind
+            stands = thing[i, j] or hole or blind or doubt[i, j]
             if stands or (beside and cell[OBSTACLE_PIXELS] > 0):
                 at = cell[NEAREST] if cell[NEAREST] < np.inf else r - (1.5 if blind else 0.5) * size
                 early = (_SURE_SIGMAS[far] if thing[i, j] else 0.0) if stands else _STRAY_SIGMAS[far]
-                nearest[i, j] = at + max(early * noise - _PLACE_M, 0.0)
+                nearest[i, j] = at + max(early * noise - _PLACE_M, min(early, 0.0) * noise)
             if thing[i, j]:
                 farthest[i, j] = cell[FARTHEST] + _BEHIND_SIGMAS[far] * noise
             elif hole:  # its far side is seen a little below the edge, as floor is by its noise
@@ -299,7 +306,7 @@ def _decide(sums, corner, thing, height, sigma, walls, half_view, focal, fit, li
 def _keep_away(grid, nearest, farthest, walls, x0, y0, size, margin):  # type: ignore[no-untyped-def]
     """Free cells become unknown within the margin before a thing or a wall, or behind a thing where it may reach."""
     rows, cols = grid.shape
-    steps = int(np.ceil((margin + size) / (0.5 * size)))
+    steps = int(np.ceil((margin + size) / (_STEP_CELLS * size)))
     for i in range(rows):
         y = y0 + (i + 0.5) * size
         for j in range(cols):
@@ -310,12 +317,12 @@ def _keep_away(grid, nearest, farthest, walls, x0, y0, size, margin):  # type: i
             ex, ey = x / r, y / r
             near = False
             for k in range(steps + 1):
-                m, n = int(np.floor(i + 0.5 + 0.5 * k * ey)), int(np.floor(j + 0.5 + 0.5 * k * ex))
+                m, n = int(np.floor(i + 0.5 + _STEP_CELLS * k * ey)), int(np.floor(j + 0.5 + _STEP_CELLS * k * ex))
                 if 0 <= m < rows and 0 <= n < cols and nearest[m, n] <= r + margin:
                     near = True
                     break
             for k in range(1, 1 if near else steps + 1):
-                m, n = int(np.floor(i + 0.5 - 0.5 * k * ey)), int(np.floor(j + 0.5 - 0.5 * k * ex))
+                m, n = int(np.floor(i + 0.5 - _STEP_CELLS * k * ey)), int(np.floor(j + 0.5 - _STEP_CELLS * k * ex))
                 if 0 <= m < rows and 0 <= n < cols and farthest[m, n] >= r:
                     near = True
                     break

@@ -104,12 +104,19 @@ def compute_free_space(
     cells = sum_floor_cells(closed, holes.kind, fit, T_camera_floor, barriers, config)
     levels = floor_levels(cells)
     thing = occupied_cells(cells, levels, config)
-    if color is not None:
-        thing |= find_low_things(color, cells, levels, thing, config)
+    low, doubt = find_low_things(color, cells, levels, thing, config)
+    thing |= low
     camera, corner = geometry.camera, cells.corner
-    grid = decide_cells(cells, levels, thing, fit, barriers, _half_view(camera), camera.fx, config)
+    grid = decide_cells(cells, levels, thing, doubt, fit, barriers, _half_view(camera), camera.fx, config)
     hide_overhung(
-        grid, holes.inverse_depth, cells.kind, camera, T_camera_floor, corner, config.robot_height_m, config.obstacle_margin_m
+        grid,
+        holes.inverse_depth,
+        cells.kind,
+        camera,
+        T_camera_floor,
+        corner,
+        config.robot_height_m,
+        config.obstacle_margin_m,
     )
     size, (x0, y0) = cells.resolution_m, cells.origin_m
     box = (x0, y0, x0 + grid.shape[1] * size, y0 + grid.shape[0] * size)

@@ -1,8 +1,8 @@
 """Low things that noise hides from the depth, and a colour of their own parts from the floor.
 
 A cube of 5 cm at 2.8 m is two deviations of a stereo camera's noise: no cell by itself tells it from a ripple. But the
-picture shows where it ends. Neighbouring cells whose colour the floor of this frame does not have are one patch, and the
-mean height of a patch is known better than that of its cells. A floor of many colours makes nothing stand out.
+picture shows where it ends. Neighbouring cells whose colour the floor of this frame does not have are one patch, and
+the mean height of a patch is known better than that of its cells. A floor of many colours makes nothing stand out.
 """
 
 from __future__ import annotations
@@ -30,6 +30,12 @@ _LEAST_DEVIATION = (0.004, 0.004, 6.0)
 _MOST_CELLS = 40
 """A larger patch is a rug."""
 
+_SHARED = 0.25
+"""Of the variance of a cell's height: what neighbouring cells share, the slow error."""
+
+_CLEARED_SIGMAS = 2.5
+"""The picture warns, the depth has to clear: by so many deviations a patch is lower than a thing."""
+
 _SIGMAS, _MEAN_SHARE = 2.0, 0.5
 """The mean height of a patch, its rim with it, is above so many deviations and this share of what counts as a thing."""
 
@@ -37,21 +43,32 @@ _MAD_TO_SIGMA = 1.4826
 
 
 def find_low_things(
-    color: NDArray[np.uint8], cells: FloorCells, levels: Levels, thing: NDArray[np.bool_], config: EstimatorConfig
-) -> NDArray[np.bool_]:
-    """Return (rows, cols) bool: patches of floor of another colour that lie higher than what can be driven over.
+    color: NDArray[np.uint8] | None,
+    cells: FloorCells,
+    levels: Levels,
+    thing: NDArray[np.bool_],
+    config: EstimatorConfig,
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return two (rows, cols) bool: small patches of another colour that are things, and those that may be.
+
+    A patch is a thing where its mean height says so, and may be one unless its height is surely less.
 
     Parameters
     ----------
-    color : (H, W, 3) uint8 RGB. levels : of `floor_levels`. thing : (rows, cols) bool of `occupied_cells`.
+    color : (H, W, 3) uint8 RGB, None: there are none.
+    levels : of `floor_levels`. thing : (rows, cols) bool of `occupied_cells`.
     """
+    nothing = np.zeros_like(thing)
+    if color is None:
+        return nothing, nothing
     odd = _oddness(_cell_colors(color, cells.kind, cells.cell, cells.sums.shape[:2]))
     odd[thing] = 0.0
     count, patch = cv2.connectedComponents((odd > _SOMEWHAT).astype(np.uint8), connectivity=8)
     if count == 1:
-        return np.zeros(odd.shape, np.bool_)
+        return nothing, nothing
     seen = (levels.height_m, levels.sigma_m)
-    return np.asarray(_raised(patch, count, odd, cells.sums, seen, config.obstacle_min_height_m))
+    thing, doubt = _raised(patch, count, odd, cells.sums, seen, config.obstacle_min_height_m)
+    return np.asarray(thing), np.asarray(doubt)
 
 
 def _oddness(colors: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -69,7 +86,7 @@ def _oddness(colors: NDArray[np.float32]) -> NDArray[np.float32]:
 
 @njit(cache=True, nogil=True)
 def _cell_colors(color, kind, cell, shape):  # type: ignore[no-untyped-def]
-    """(rows, cols, 3) float32 shares of red and green, and brightness of the floor pixels of each cell; NaN: too few."""
+    """(rows, cols, 3) float32 shares of red and green, and brightness of each cell's floor; NaN: too few pixels."""
     rows, cols = shape
     sums = np.zeros((rows * cols, 4), np.float32)
     for v in range(0, kind.shape[0], _STRIDE):
@@ -92,7 +109,7 @@ def _cell_colors(color, kind, cell, shape):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _raised(patch, count, odd, sums, levels, lowest):  # type: ignore[no-untyped-def]
-    """Cells of the patches that are small, of another colour, and high for their number of cells."""
+    """Cells of the small patches of another colour that are high for their number of cells, and that may be."""
     rows, cols = patch.shape
     level, sigma = levels
     height, pixels, cells, noise = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
@@ -107,11 +124,12 @@ def _raised(patch, count, odd, sums, levels, lowest):  # type: ignore[no-untyped
                 oddest[k] = max(oddest[k], odd[i, j])
                 highest[k] = max(highest[k], level[i, j])
                 cells[k] += 1
-    thing = np.zeros((rows, cols), np.bool_)
+    thing, doubt = np.zeros((rows, cols), np.bool_), np.zeros((rows, cols), np.bool_)
     for i in range(rows):
         for j in range(cols):
             k = patch[i, j]
-            if k > 0 and oddest[k] >= _OTHER and cells[k] <= _MOST_CELLS and highest[k] > lowest:
-                least = max(_MEAN_SHARE * lowest, _SIGMAS * noise[k] / np.sqrt(cells[k]))
-                thing[i, j] = height[k] / pixels[k] > least
-    return thing
+            if k > 0 and oddest[k] >= _OTHER and cells[k] <= _MOST_CELLS:
+                mean, sure = height[k] / pixels[k], noise[k] * np.sqrt(1.0 / cells[k] + _SHARED)
+                thing[i, j] = highest[k] > lowest and mean > max(_MEAN_SHARE * lowest, _SIGMAS * sure)
+                doubt[i, j] = mean + _CLEARED_SIGMAS * sure > lowest
+    return thing, doubt

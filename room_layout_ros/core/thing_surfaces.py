@@ -1,9 +1,9 @@
 """The depth of things, smoothed on the planes of their superpixels.
 
-What stands in a room is mostly made of flat pieces: fronts, tops, seats. A piece is as flat as the superpixel it lies in,
-and the plane through its hundreds of pixels is known several times better than each of them. So a pixel above the floor is
-moved along its ray to that plane, if it lies on it as far as its noise can tell; what is round or cluttered stays as it
-was measured. The noise is that of the floor in the same frame.
+What stands in a room is mostly made of flat pieces: fronts, tops, seats. A piece is as flat as the superpixel it lies
+in, and the plane through its hundreds of pixels is known several times better than each of them. So a pixel above the
+floor is moved along its ray to that plane, if it lies on it as far as its noise can tell; what is round or cluttered
+stays as it was measured. The noise is that of the floor in the same frame.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def _fit_planes(inverse, labels, index, floor, noise, limits):  # type: ignore[n
 
 @njit(cache=True, nogil=True)
 def _above_floor(inverse, labels, index, floor, noise, limits):  # type: ignore[no-untyped-def]
-    """Pixels (n, 4) float32 that stand above the floor: u, v, inverse depth and its deviation; and their superpixels."""
+    """Pixels (n, 4) float32 above the floor: u, v, inverse depth and its deviation; and the piece each is of."""
     lowest, distance = limits
     height, width = inverse.shape
     most = ((height + _STRIDE - 1) // _STRIDE) * ((width + _STRIDE - 1) // _STRIDE)
