@@ -56,7 +56,7 @@ _TOUCH_SHARE = 0.1
 _DOUBT_SHARE = 0.8
 _TOUCH_PIXELS = 2.5
 _TAIL_SHARE = 0.25
-_STRAY_SIGMAS, _BEHIND_SIGMAS, _SURE_SIGMAS = (1.5, 4.0), (2.0, 0.5), (-0.5, 1.5)
+_STRAY_SIGMAS, _BEHIND_SIGMAS, _SURE_SIGMAS = (1.5, 4.0), (2.0, 0.5), (-1.4, 1.5)
 """In deviations of the depth's noise, within `_CLOSE_M` and beyond: the few pixels of a cell beside a thing may lie so
 much before their true place; a thing may go on so far behind its farthest pixel; so much its nearest pixel is early."""
 
