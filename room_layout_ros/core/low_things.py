@@ -24,8 +24,11 @@ _MIN_CELLS = 50
 _OTHER, _SOMEWHAT = 5.0, 2.5
 """In robust deviations of the floor's colours: a patch has a cell of the first, and grows over cells of the second."""
 
-_LEAST_DEVIATION = (0.004, 0.004, 6.0)
-"""Of the shares of red and green, and of brightness in levels: no floor is more even than this."""
+_LEAST_DEVIATION = 0.004
+"""Of the shares of red and green: no floor is more even than this."""
+
+_SAMPLE = 800
+"""So many cells tell the colours of the floor."""
 
 _MOST_CELLS = 40
 """A larger patch is a rug."""
@@ -77,33 +80,32 @@ def _oddness(colors: NDArray[np.float32]) -> NDArray[np.float32]:
     if some.sum() < _MIN_CELLS:
         return np.zeros(some.shape, np.float32)
     seen = colors[some]
-    middle = np.median(seen, axis=0)
-    spread = np.maximum(_MAD_TO_SIGMA * np.median(np.abs(seen - middle), axis=0), _LEAST_DEVIATION)
+    part = seen[:: max(len(seen) // _SAMPLE, 1)]
+    middle = np.median(part, axis=0)
+    spread = np.maximum(_MAD_TO_SIGMA * np.median(np.abs(part - middle), axis=0), _LEAST_DEVIATION)
     odd = np.zeros(some.shape, np.float32)
-    odd[some] = (np.abs(seen - middle) / spread)[:, :2].max(axis=1)
+    odd[some] = (np.abs(seen - middle) / spread).max(axis=1)
     return odd
 
 
 @njit(cache=True, nogil=True)
 def _cell_colors(color, kind, cell, shape):  # type: ignore[no-untyped-def]
-    """(rows, cols, 3) float32 shares of red and green, and brightness of each cell's floor; NaN: too few pixels."""
+    """(rows, cols, 2) float32 shares of red and green in each cell's floor, NaN where too few pixels are."""
     rows, cols = shape
     sums = np.zeros((rows * cols, 4), np.float32)
     for v in range(0, kind.shape[0], _STRIDE):
         for u in range(0, kind.shape[1], _STRIDE):
             if kind[v, u] == FLOOR_PIXEL and cell[v, u] >= 0:
+                red, green, blue = color[v, u]
                 one = sums[cell[v, u]]
-                one[0] += color[v, u, 0]
-                one[1] += color[v, u, 1]
-                one[2] += color[v, u, 2]
+                one[0] += red
+                one[1] += green
+                one[2] += np.float32(red) + np.float32(green) + np.float32(blue)
                 one[3] += 1.0
-    colors = np.full((rows, cols, 3), np.nan, np.float32)
+    colors = np.full((rows, cols, 2), np.nan, np.float32)
     for k in range(rows * cols):
-        bright = sums[k, 0] + sums[k, 1] + sums[k, 2]
-        if sums[k, 3] >= _MIN_PIXELS and bright > 0.0:
-            i, j = k // cols, k % cols
-            colors[i, j, 0], colors[i, j, 1] = sums[k, 0] / bright, sums[k, 1] / bright
-            colors[i, j, 2] = bright / (3.0 * sums[k, 3])
+        if sums[k, 3] >= _MIN_PIXELS and sums[k, 2] > 0.0:
+            colors[k // cols, k % cols] = sums[k, :2] / sums[k, 2]
     return colors
 
 

@@ -17,16 +17,16 @@ from .floor_plane import FloorFit
 from .frame import CameraIntrinsics
 from .labels import FLOOR, N_LABELS
 
-_STRIDE = 2
-_ROUNDS = 3
+_STRIDE = 3
+_ROUNDS = 2
 _SIGMAS = 4.0
 """Pixels within so many deviations of the plane lie on it."""
 
 _ABOVE_SIGMAS = 2.0
 """A pixel this far above the floor is no floor, for the fit."""
 
-_MIN_PIXELS = 12
-"""Of every second row and column, that make a plane."""
+_MIN_PIXELS = 8
+"""Of every third row and column, that make a plane."""
 
 _STEPS, _PER_UNIT = 1000, 200.0
 """Entries of the table of the noise, and per 1/m of inverse depth."""
@@ -51,10 +51,11 @@ def smooth_things(
     """
     floor = fit.normal / fit.distance_m
     a, b = floor[0] / camera.fx, floor[1] / camera.fy
-    plane = (a, b, floor[2] - a * camera.cx - b * camera.cy)
+    plane = tuple(np.float32(k) for k in (a, b, floor[2] - a * camera.cx - b * camera.cy))
     noise = _noise(fit.sigma_m, fit.distance_m)
     planes = _fit_planes(inverse_depth, labels, superpixels, plane, noise, (lowest_m, fit.distance_m))
-    _move(inverse_depth, labels, superpixels, plane, noise, lowest_m / fit.distance_m, planes)
+    lowest = np.float32(lowest_m / fit.distance_m)
+    _move(inverse_depth, labels, superpixels, plane, noise, lowest, planes.astype(np.float32))
 
 
 @njit(cache=True, nogil=True)
@@ -149,11 +150,13 @@ def _move(inverse, labels, index, floor, noise, lowest, planes):  # type: ignore
     """Set the inverse depth of pixels above the floor to that of their superpixel's plane where they lie on it."""
     height, width = inverse.shape
     for v in range(height):
+        row = floor[1] * np.float32(v) + floor[2]
         for u in range(width):
             w = inverse[v, u]
-            if labels[v, u] == FLOOR or w - (floor[0] * u + floor[1] * v + floor[2]) <= lowest * w or w <= 0.0:
+            if w - (floor[0] * np.float32(u) + row) <= lowest * w or labels[v, u] == FLOOR:
                 continue
             p = planes[_piece(index[v, u], labels[v, u])]
-            on_plane = p[0] * u + p[1] * v + p[2]
-            if abs(w - on_plane) < _SIGMAS * noise[min(int(w * _PER_UNIT), _STEPS - 1)]:
+            on_plane = p[0] * np.float32(u) + p[1] * np.float32(v) + p[2]
+            near = np.float32(_SIGMAS) * noise[min(int(w * np.float32(_PER_UNIT)), _STEPS - 1)]
+            if abs(w - on_plane) < near and w > np.float32(0.0):
                 inverse[v, u] = on_plane
