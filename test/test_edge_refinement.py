@@ -39,6 +39,11 @@ def estimator() -> LayoutEstimator:
     return LayoutEstimator()
 
 
+@pytest.fixture(scope="module")
+def by_depth() -> LayoutEstimator:
+    return LayoutEstimator(EstimatorConfig(refine_on_edges=False))
+
+
 def view(slow_error: float, rng: np.random.Generator) -> tuple[RgbdFrame, F64, F64]:
     """A plain room, each face in a colour of its own, its inverse depth wrong by a slow error; rotation, distances."""
     R = look(28.0, 12.0, 1.0)
@@ -92,18 +97,15 @@ def met(samples: list[Sample], estimator: LayoutEstimator) -> float:
 # --- whole estimates -----------------------------------------------------------------------------------------------
 
 
-def test_planes_that_stereo_misses_are_met(estimator: LayoutEstimator, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_planes_that_stereo_misses_are_met(estimator: LayoutEstimator, by_depth: LayoutEstimator) -> None:
     samples = list(good_samples(SyntheticSource(6, 71, noise="stereo", walk=False)))
     assert met(samples, estimator) > 0.9
-    monkeypatch.setattr(conclusion, "refine_on_edges", lambda _cells, _camera, _picture, R, distances: (R, distances))
-    assert met(samples, estimator) < 0.75
+    assert met(samples, by_depth) < 0.75
 
 
-def test_exact_depth_is_believed(estimator: LayoutEstimator, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exact_depth_is_believed(estimator: LayoutEstimator, by_depth: LayoutEstimator) -> None:
     frame = next(iter(good_samples(SyntheticSource(1, 5, noise="clean", walk=False)))).frame
-    after = estimator.estimate(frame)
-    monkeypatch.setattr(conclusion, "refine_on_edges", lambda _cells, _camera, _picture, R, distances: (R, distances))
-    before = estimator.estimate(frame)
+    after, before = estimator.estimate(frame), by_depth.estimate(frame)
     assert after.cuboid is not None
     assert before.cuboid is not None
     np.testing.assert_array_equal(after.cuboid.R_room_camera, before.cuboid.R_room_camera)

@@ -93,7 +93,7 @@ class LayoutEstimator:
         ) as drawn:
             room = run(
                 "refinement", refine_cuboid, joint, geometry, camera, superpixels, context, axes, seen.scores,
-                frame.color, seen.segments,
+                frame.color if config.refine_on_edges else None, seen.segments,
             )  # fmt: skip
         confidence = models.confidence
         return conclude(frame, axes, superpixels, joint, room, drawn(), confidence, run.timings_ms)

@@ -1,0 +1,101 @@
+"""Refinement on the edges that the picture shows, with and without: planes of rendered rooms, faces of real ones."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks._frames import DATA
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.datasets import Sample, good_samples, open_folder
+from room_layout_ros.datasets.synthetic import NOISES
+from room_layout_ros.evaluation.free_space import random_views
+from room_layout_ros.evaluation.geometry import plane_errors
+from room_layout_ros.evaluation.measures import best_wall_names, confusion
+
+ROOMS, FIRST, STREAM = 16, 8000, 11
+EVERY, MARGIN = 4, 4
+"""Of the real frames; none within the margin of one of the 37 that have a hand-made layout."""
+
+CEILING, FLOOR, WALL = 1, 2, 3
+KIND_OF_CLASS = {22: CEILING, 2: FLOOR, 20: FLOOR, **dict.fromkeys((1, 8, 9, 11, 13, 16, 19, 30), WALL)}
+"""Kind of face that shows where a pixel has this NYU40 class."""
+
+
+@dataclass
+class Planes:
+    """Errors of the planes in view."""
+
+    offset_m: list[float] = field(default_factory=list)
+    angle_deg: list[float] = field(default_factory=list)
+
+    def add(self, estimator: LayoutEstimator, sample: Sample) -> None:
+        truth, estimate = sample.truth, estimator.estimate(sample.frame)
+        if truth is None or truth.cuboid is None or truth.layout is None or estimate.cuboid is None:
+            return
+        names = best_wall_names(confusion(truth.layout, estimate.layout))
+        errors = plane_errors(truth.cuboid, estimate.cuboid, names)
+        seen = np.isfinite(errors.offset_m)
+        self.offset_m += errors.offset_m[seen].tolist()
+        self.angle_deg += errors.angle_deg[seen].tolist()
+
+    def __str__(self) -> str:
+        offset, angle = np.array(self.offset_m), np.array(self.angle_deg)
+        good = 100 * np.mean((offset <= 0.03) & (angle <= 0.5))
+        return f"{100 * np.median(offset):>10.2f}{np.median(angle):>8.2f}{good:>8.0f}"
+
+
+def kind_errors(layout: NDArray[np.uint8], labels40: NDArray[np.uint8]) -> float:
+    """Percent of the pixels of ceiling, floor and wall whose face is of another kind; NaN without any."""
+    table = np.zeros(256, np.uint8)
+    for number, kind in KIND_OF_CLASS.items():
+        table[number] = kind
+    true = table[labels40]
+    known = true > 0
+    return float(100 * np.mean(np.minimum(layout, WALL)[known] != true[known])) if known.any() else float("nan")
+
+
+def real_samples() -> Iterator[Sample]:
+    folder = open_folder(DATA / "nyuv2")
+    numbers = np.array([int(p.stem) for p in (DATA / "nyuv2" / "layout").glob("*.png")])
+    names = [name for name in folder.names if np.abs(numbers - int(name)).min() >= MARGIN]
+    yield from good_samples(folder.subset(tuple(names[::EVERY])))
+
+
+def main(rooms: int = ROOMS, first: int = FIRST) -> int:
+    """Print both tables."""
+    ways = [LayoutEstimator(EstimatorConfig(refine_on_edges=on)) for on in (False, True)]
+    print(
+        f"Planes of {rooms} rendered rooms, medians; ok: within 3 cm and 0.5 deg\n{'':<10}{'':<9}{'cm':>10}{'deg':>8}{'ok %':>8}"
+    )
+    for noise in NOISES:
+        planes = [Planes(), Planes()]
+        for _, sample in random_views(range(first, first + rooms), STREAM, noise):
+            for way, found in zip(ways, planes, strict=True):
+                found.add(way, sample)
+        for title, found in zip(("without", "with"), planes, strict=True):
+            print(f"{noise:<10}{title:<9}{found}", flush=True)
+    if not (DATA / "nyuv2" / "splits.json").exists():
+        print(f"{DATA / 'nyuv2'} is not here: no real frames")
+        return 0
+    errors = []
+    for sample in real_samples():
+        assert sample.truth is not None
+        assert sample.truth.labels40 is not None
+        errors.append([kind_errors(way.estimate(sample.frame).layout, sample.truth.labels40) for way in ways])
+    table = np.array([row for row in errors if np.isfinite(row).all()])
+    apart = table[:, 1] - table[:, 0]
+    print(f"\nNYU v2, every {EVERY}th frame {MARGIN} numbers or more from the 37 ({len(table)} frames)")
+    print("pixels of ceiling, floor and wall whose face is of another kind:")
+    print(f"without {table[:, 0].mean():.2f} %, with {table[:, 1].mean():.2f} %, ", end="")
+    print(f"difference {apart.mean():+.3f} ± {apart.std(ddof=1) / np.sqrt(len(apart)):.3f}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
