@@ -38,7 +38,7 @@ fitted anew to the nearest third, on which the camera stands."""
 _LARGE_FLOOR = 8
 """Times the least support: a smaller floor has no third to fit to."""
 
-_CUBOID_RAD, _CUBOID_M = np.deg2rad(0.15), 0.01
+_CUBOID_RAD, _CUBOID_M = np.deg2rad(0.3), 0.015
 _PRIOR_RAD, _PRIOR_M = np.deg2rad(3.0), 0.10
 """How well the floor of the cuboid is known before the fit (it has the walls' right angles), and any other start."""
 
