@@ -10,6 +10,8 @@ from furnished import CONFIG, GREY, box, empty, free_space_of, with_truth
 from numpy.typing import NDArray
 
 from room_layout_ros.core.depth import DepthGeometry, compute_depth_geometry
+from room_layout_ros.core.depth_holes import BRIDGED, close_holes
+from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.floor_plane import FloorFit, fit_floor
 from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, compute_free_space
 from room_layout_ros.core.labels import CLUTTER
@@ -17,6 +19,7 @@ from room_layout_ros.core.thing_surfaces import smooth_things
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import CLEAN, KINECT, STEREO_NOISE, SyntheticRoom, camera_pose, render
 from room_layout_ros.datasets.synthetic.shapes import Material, Solid
+from room_layout_ros.runtime.warm_up import warm_up_frame
 
 RED = Material((190, 40, 40))
 NOISE = 0.004
@@ -141,6 +144,15 @@ def test_where_little_floor_is_seen_the_cuboid_holds_it(rng: np.random.Generator
     assert fit.source == "cuboid+depth"
     assert np.degrees(np.arccos(np.clip(fit.normal @ sample.truth.down_camera, -1, 1))) < 0.3
     assert abs(fit.distance_m - 1.2) < 0.015
+
+
+def test_the_warm_up_frame_has_a_hole_in_the_floor_that_the_picture_closes() -> None:
+    """Else the kernel that closes it is compiled while the first real frame waits."""
+    frame = warm_up_frame()
+    geometry = compute_depth_geometry(frame, CONFIG)
+    assert geometry is not None
+    estimate = LayoutEstimator(CONFIG).estimate(frame)
+    assert (close_holes(geometry.inverse_depth, estimate.labels, frame.color).kind == BRIDGED).any()
 
 
 def test_stereo_noise_is_that_of_these_tests() -> None:

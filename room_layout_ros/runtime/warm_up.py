@@ -19,5 +19,6 @@ def warm_up_frame() -> RgbdFrame:
     color = LABEL_COLORS[room.raster(camera)]
     depth_m[200:300, 300:400] = 2.0  # something to be clutter
     color[200:300, 300:400] = 120
+    depth_m[440:450, 100:140] = np.nan  # a hole in the floor's depth
     color[:, ::40] //= 2  # lines for the line detector
     return RgbdFrame(camera, color, depth_m, stamp_ns=1, frame_id="warm_up")
