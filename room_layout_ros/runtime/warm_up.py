@@ -21,6 +21,5 @@ def warm_up_frame() -> RgbdFrame:
     color[200:300, 300:400] = 120
     depth_m[440:450, 100:140] = np.nan  # a hole in the floor's depth
     color[:, ::40] //= 2  # lines for the line detector
-    for image in (color, depth_m):
-        image.setflags(write=False)  # as those of messages are: numba compiles for them apart
+    color.setflags(write=False)  # as that of a message is: numba compiles for it apart
     return RgbdFrame(camera, color, depth_m, stamp_ns=1, frame_id="warm_up")
