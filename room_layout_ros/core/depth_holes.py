@@ -61,7 +61,10 @@ def close_holes(
     kind, filled, part = _find_holes(inverse_depth, labels)
     if color is not None and part[1] > part[0]:
         rows, cols = slice(part[0], part[1]), slice(part[2], part[3])
-        _bridge(kind[rows, cols], labels[rows, cols], _contrast(color[rows, cols]))
+        # whole arrays: for parts of them numba would compile another kernel
+        piece, label = np.ascontiguousarray(kind[rows, cols]), np.ascontiguousarray(labels[rows, cols])
+        _bridge(piece, label, _contrast(color[rows, cols]))
+        kind[rows, cols] = piece
     return DepthHoles(kind, filled)
 
 
