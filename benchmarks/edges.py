@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks._frames import DATA
+from benchmarks._planes import Planes
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.datasets import Sample, good_samples, open_folder
 from room_layout_ros.datasets.synthetic import NOISES
 from room_layout_ros.evaluation.free_space import random_views
-from room_layout_ros.evaluation.geometry import plane_errors
-from room_layout_ros.evaluation.measures import best_wall_names, confusion
 
 ROOMS, FIRST, STREAM = 16, 8000, 11
 EVERY, MARGIN = 4, 4
@@ -25,29 +23,6 @@ EVERY, MARGIN = 4, 4
 CEILING, FLOOR, WALL = 1, 2, 3
 KIND_OF_CLASS = {22: CEILING, 2: FLOOR, 20: FLOOR, **dict.fromkeys((1, 8, 9, 11, 13, 16, 19, 30), WALL)}
 """Kind of face that shows where a pixel has this NYU40 class."""
-
-
-@dataclass
-class Planes:
-    """Errors of the planes in view."""
-
-    offset_m: list[float] = field(default_factory=list)
-    angle_deg: list[float] = field(default_factory=list)
-
-    def add(self, estimator: LayoutEstimator, sample: Sample) -> None:
-        truth, estimate = sample.truth, estimator.estimate(sample.frame)
-        if truth is None or truth.cuboid is None or truth.layout is None or estimate.cuboid is None:
-            return
-        names = best_wall_names(confusion(truth.layout, estimate.layout))
-        errors = plane_errors(truth.cuboid, estimate.cuboid, names)
-        seen = np.isfinite(errors.offset_m)
-        self.offset_m += errors.offset_m[seen].tolist()
-        self.angle_deg += errors.angle_deg[seen].tolist()
-
-    def __str__(self) -> str:
-        offset, angle = np.array(self.offset_m), np.array(self.angle_deg)
-        good = 100 * np.mean((offset <= 0.03) & (angle <= 0.5))
-        return f"{100 * np.median(offset):>10.2f}{np.median(angle):>8.2f}{good:>8.0f}"
 
 
 def kind_errors(layout: NDArray[np.uint8], labels40: NDArray[np.uint8]) -> float:
@@ -76,9 +51,11 @@ def main(rooms: int = ROOMS, first: int = FIRST) -> int:
         planes = [Planes(), Planes()]
         for _, sample in random_views(range(first, first + rooms), STREAM, noise):
             for way, found in zip(ways, planes, strict=True):
-                found.add(way, sample)
+                assert sample.truth is not None
+                found.add(sample.truth, way.estimate(sample.frame))
         for title, found in zip(("without", "with"), planes, strict=True):
-            print(f"{noise:<10}{title:<9}{found}", flush=True)
+            offset_cm, angle_deg, within = found.columns()
+            print(f"{noise:<10}{title:<9}{offset_cm:>10.2f}{angle_deg:>8.2f}{within:>8.0f}", flush=True)
     if not (DATA / "nyuv2" / "splits.json").exists():
         print(f"{DATA / 'nyuv2'} is not here: no real frames")
         return 0

@@ -9,13 +9,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from benchmarks._planes import Planes
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.freespace import FreeSpace, compute_free_space
-from room_layout_ros.datasets.sample import FrameTruth, Sample
+from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import KINDS, KINECT, NOISES, SyntheticRoom, render
 from room_layout_ros.evaluation.free_space import (
     FreeSpaceScore,
@@ -26,8 +27,6 @@ from room_layout_ros.evaluation.free_space import (
     true_free_space,
     views_of_walk,
 )
-from room_layout_ros.evaluation.geometry import plane_errors
-from room_layout_ros.evaluation.measures import best_wall_names, confusion
 
 ROOMS = 16
 SCENES = 8
@@ -39,8 +38,7 @@ SIZES_M = (0.03, 0.05)
 @dataclass
 class Row:
     scores: list[FreeSpaceScore] = field(default_factory=list)
-    offsets_m: list[float] = field(default_factory=list)
-    angles_deg: list[float] = field(default_factory=list)
+    planes: Planes = field(default_factory=Planes)
     milliseconds: list[float] = field(default_factory=list)
 
     def line(self, title: str) -> str:
@@ -48,13 +46,11 @@ class Row:
         iou = [v.iou for v in s if np.isfinite(v.iou)]
         near, unseen = sum(v.too_near for v in s), sum(v.too_near_unseen for v in s)
         false = 100.0 * sum(v.false_free for v in s) / max(sum(v.free for v in s), 1)
-        offsets, angles = np.array(self.offsets_m), np.array(self.angles_deg)
-        within = 100.0 * np.mean((offsets <= 0.03) & (angles <= 0.5)) if len(offsets) else float("nan")
+        offset_cm, angle_deg, within = self.planes.columns()
         return (
             f"{title:<18}{pooled(s, 'pool'):>7.3f}{pooled(s, 'pool_measured'):>10.3f}{np.mean(iou):>7.3f}"
             f"{np.min(iou):>7.3f}{pooled(s, 'pool_plain'):>8.3f}{near:>9}{unseen:>8}{false:>12.2f}"
-            f"{100 * np.median(offsets) if len(offsets) else np.nan:>10.2f}"
-            f"{np.median(angles) if len(angles) else np.nan:>8.2f}{within:>8.0f}{np.median(self.milliseconds):>7.1f}"
+            f"{offset_cm:>10.2f}{angle_deg:>8.2f}{within:>8.0f}{np.median(self.milliseconds):>7.1f}"
         )
 
 
@@ -84,15 +80,6 @@ def run(config: EstimatorConfig, frame: RgbdFrame, estimate: RoomEstimate) -> tu
     return free_space, 1e3 * (time.perf_counter() - start)
 
 
-def add_planes(row: Row, truth: FrameTruth, estimate: RoomEstimate) -> None:
-    if truth.cuboid is None or estimate.cuboid is None or truth.layout is None:
-        return
-    errors = plane_errors(truth.cuboid, estimate.cuboid, best_wall_names(confusion(truth.layout, estimate.layout)))
-    seen = np.isfinite(errors.offset_m)
-    row.offsets_m += errors.offset_m[seen].tolist()
-    row.angles_deg += errors.angle_deg[seen].tolist()
-
-
 def score(estimator: LayoutEstimator, views: Iterable[tuple[SyntheticRoom, Sample]]) -> Row:
     """Score every view by itself."""
     row, config = Row(), estimator.config
@@ -105,7 +92,7 @@ def score(estimator: LayoutEstimator, views: Iterable[tuple[SyntheticRoom, Sampl
         row.scores.append(score_free_space(truth, free_space))
         row.milliseconds.append(ms)
         assert sample.truth is not None
-        add_planes(row, sample.truth, estimate)
+        row.planes.add(sample.truth, estimate)
     return row
 
 

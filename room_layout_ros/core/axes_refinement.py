@@ -168,7 +168,7 @@ def _turn(normals, axes, weights, line_normals, line_weights, R):  # type: ignor
         for j in range(3):
             A[j, j] += 1e-3 * total + 1e-9
         step = np.linalg.solve(A, g)
-        R = _rotate_rows(R, step)
+        R = rotate_rows(R, step)
         if (step**2).sum() < 1e-12:
             break
     return R
@@ -181,7 +181,7 @@ def cross(a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _rotate_rows(R, vector):  # type: ignore[no-untyped-def]
+def rotate_rows(R, vector):  # type: ignore[no-untyped-def]
     """Rotate each row of R by a rotation vector (Rodrigues)."""
     angle = np.sqrt((vector**2).sum())
     if angle < 1e-12:

@@ -26,6 +26,9 @@ NOISE_FLOOR_M = 0.01
 NOISE_QUADRATIC = 0.0019
 """Kinect-like growth of the noise: sigma_Z = floor + quadratic Z^2 (Z in m). Structured light and stereo alike."""
 
+MAD_TO_SIGMA = 1.4826
+"""Standard deviation of normal noise over its median absolute deviation."""
+
 
 @dataclass(frozen=True, slots=True)
 class DepthGeometry:

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .axes_refinement import cross
+from .axes_refinement import cross, rotate_rows
 from .frame import CameraIntrinsics
 from .lines import LineSegments, segment_planes
 from .room_cells import RoomCells
@@ -111,7 +111,7 @@ def _refine(cells, nodes, image, lines, R, distances):  # type: ignore[no-untype
             _add_lines(normals, middles, lengths, R, A, g)
             add_edges(candidates, plane_rows(R, distances), intrinsics, sigma_px, A, g)
             step = _limited_step(A, g, since_start)
-            R = _turn(R, step)
+            R = rotate_rows(R, step[:3])
             for k in range(5):
                 distances[k] *= np.exp(step[3 + k])
             since_start += step
@@ -154,14 +154,3 @@ def _add_lines(normals, middles, lengths, R, A, g):  # type: ignore[no-untyped-d
             g[a] -= weight * scale * gradient[a] * off
             for b in range(3):
                 A[a, b] += weight * scale * scale * gradient[a] * gradient[b]
-
-
-@njit(cache=True, nogil=True)
-def _turn(R, vector):  # type: ignore[no-untyped-def]
-    """Turn each row of R by a small rotation vector, to second order."""
-    turned = np.empty((3, 3))
-    for k in range(3):
-        first = np.array(cross(vector, R[k]))
-        turned[k] = R[k] + first + 0.5 * np.array(cross(vector, first))
-        turned[k] /= np.sqrt((turned[k] ** 2).sum())
-    return turned

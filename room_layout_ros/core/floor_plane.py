@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .config import EstimatorConfig
-from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma
+from .depth import MAD_TO_SIGMA, NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma
 from .estimate import RoomEstimate
 from .frame import CameraIntrinsics
 from .labels import CLUTTER, FLOOR
@@ -74,7 +74,6 @@ _LEAST_SIDE = 0.1
 _MIN_TILE_PIXELS = 40
 _HISTOGRAM_M = 0.001
 _HISTOGRAM_BINS = 120
-_MAD_TO_SIGMA = 1.4826
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,7 +276,7 @@ def _sigma_bands(counts, height):  # type: ignore[no-untyped-def]
         model = depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) * height / z
         below, above = counts[0, band].sum(), counts[1, band].sum()
         if min(below, above) >= max(_MIN_BAND_PIXELS, _LEAST_SIDE * (below + above)):
-            sigma[band] = _MAD_TO_SIGMA * min(_median(counts[0, band]), _median(counts[1, band]))
+            sigma[band] = MAD_TO_SIGMA * min(_median(counts[0, band]), _median(counts[1, band]))
             ratio[band] = sigma[band] / model
     usual = np.nanmedian(ratio) if np.isfinite(ratio).any() else 1.0
     for band in range(_BANDS):

@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .config import EstimatorConfig
+from .depth import MAD_TO_SIGMA
 from .floor_cells import (
     BLIND,
     BRIDGE,
@@ -169,7 +170,7 @@ def _levels(sums, corner):  # type: ignore[no-untyped-def]
     spread = np.full(bands, np.inf, np.float32)
     for k in range(bands):
         if count[k] >= _MIN_BAND_CELLS:
-            spread[k] = 1.4826 * np.median(values[k, : count[k]])
+            spread[k] = MAD_TO_SIGMA * np.median(values[k, : count[k]])
     sigma = np.empty((rows, cols), np.float32)
     for i in range(rows):
         for j in range(cols):

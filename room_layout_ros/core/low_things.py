@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .config import EstimatorConfig
+from .depth import MAD_TO_SIGMA
 from .floor_cells import FLOOR_PIXEL, FLOOR_PIXELS, HEIGHT, FloorCells
 from .free_cells import Levels
 
@@ -41,8 +42,6 @@ _CLEARED_SIGMAS = 2.5
 
 _SIGMAS, _MEAN_SHARE = 2.0, 0.5
 """The mean height of a patch, its rim with it, is above so many deviations and this share of what counts as a thing."""
-
-_MAD_TO_SIGMA = 1.4826
 
 
 def find_low_things(
@@ -82,7 +81,7 @@ def _oddness(colors: NDArray[np.float32]) -> NDArray[np.float32]:
     seen = colors[some]
     part = seen[:: max(len(seen) // _SAMPLE, 1)]
     middle = np.median(part, axis=0)
-    spread = np.maximum(_MAD_TO_SIGMA * np.median(np.abs(part - middle), axis=0), _LEAST_DEVIATION)
+    spread = np.maximum(MAD_TO_SIGMA * np.median(np.abs(part - middle), axis=0), _LEAST_DEVIATION)
     odd = np.zeros(some.shape, np.float32)
     odd[some] = (np.abs(seen - middle) / spread).max(axis=1)
     return odd

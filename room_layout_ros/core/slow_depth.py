@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from .depth import MAD_TO_SIGMA
 from .frame import CameraIntrinsics
 from .room_cells import INTERLEAVED_PARTS, RoomCells
 from .room_cost import face_of_point, plane_rows
@@ -28,7 +29,6 @@ _LEAST_STRUCTURE = 0.5
 _LEAST_CELLS = 9
 _LEAST_ERROR = 1e-5
 _LEAST_TILES = 4
-_MAD_TO_SIGMA = 1.4826
 _NEIGHBOURS_ALIKE = 1.5
 """The errors of neighbouring cells go together: as many cells tell less, as if each were worse by this factor."""
 
@@ -129,7 +129,7 @@ def measure_errors(cells, nodes, R, distances):  # type: ignore[no-untyped-def]
             n += 1
     if n < _LEAST_TILES:
         return 0.0, 0.0
-    return _MAD_TO_SIGMA * np.median(medians[:n]), _NEIGHBOURS_ALIKE * _MAD_TO_SIGMA * np.median(spreads[:n])
+    return MAD_TO_SIGMA * np.median(medians[:n]), _NEIGHBOURS_ALIKE * MAD_TO_SIGMA * np.median(spreads[:n])
 
 
 @njit(cache=True, nogil=True)
