@@ -14,10 +14,12 @@ from room_layout_ros.core.floor_cells import (
     OBSTACLE_PIXEL,
     WALL_PIXEL,
 )
+from room_layout_ros.core.labels import CLUTTER
 
 
 def naive_cells(
     geometry: DepthGeometry,
+    labels: NDArray[np.uint8],
     T_camera_floor: NDArray[np.float64],
     sigma_m: float,
     walls: NDArray[np.float64],
@@ -54,7 +56,8 @@ def naive_cells(
                 if 2 <= u < camera.width - 2 and _hangs(*(float(geometry.inverse_depth[v, u + s]) for s in (-2, 0, 2))):
                     continue
                 gaps = [c - a * point[0] - b * point[1] for a, b, c, _ in walls]
-                kind = WALL_PIXEL if any(g < tolerance for g in gaps) else OBSTACLE_PIXEL
+                on_wall = any(g < tolerance for g in gaps) and labels[v, u] != CLUTTER
+                kind = WALL_PIXEL if on_wall else OBSTACLE_PIXEL
                 kind = BEYOND_PIXEL if any(g < -tolerance for g in gaps) else kind
                 area = 1 / (w * w * camera.fx * camera.fy)
             else:

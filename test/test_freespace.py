@@ -17,6 +17,7 @@ from room_layout_ros.core.depth_holes import close_holes
 from room_layout_ros.core.floor_cells import (
     BLIND,
     BRIDGE,
+    FINE,
     HOLE,
     OBSTACLE,
     OBSTACLE_PIXEL,
@@ -83,9 +84,11 @@ def test_sums_equal_their_naive_twin() -> None:
     walls = walls_on_floor(sample.truth.cuboid, T)
     fit = FloorFit(sample.truth.down_camera, sample.truth.camera_height_m, np.full(24, 0.007), np.zeros((1, 1)), 1, "")
     holes = close_holes(geometry.inverse_depth, np.full(geometry.inverse_depth.shape, FLOOR, np.uint8), None)
-    cells = sum_floor_cells(geometry, holes.kind, fit, T, walls, CONFIG)
+    labels = np.full(geometry.inverse_depth.shape, FLOOR, np.uint8)
+    labels[:, 20:40] = CLUTTER
+    cells = sum_floor_cells(geometry, holes.kind, labels, fit, T, walls, CONFIG)
     seen, obstacle, hole, gap, kinds = naive_cells(
-        geometry, T, 0.007, walls, cells.sums.shape[:2], 0.05, (0.02, 3.5, 2.0)
+        geometry, labels, T, 0.007, walls, cells.sums.shape[:2], 0.05, (0.02, 3.5, 2.0)
     )
     assert np.array_equal(cells.kind, kinds)
     assert np.count_nonzero(np.bincount(kinds.ravel(), minlength=6)) == 6, "every kind of pixel must occur"
@@ -94,6 +97,9 @@ def test_sums_equal_their_naive_twin() -> None:
     np.testing.assert_allclose(cells.sums[..., HOLE], hole, rtol=1e-4, atol=1e-5)
     np.testing.assert_allclose(cells.sums[..., BLIND], gap, rtol=1e-4, atol=1e-5)
     assert gap.max() > 0.1
+    rows, cols = cells.sums.shape[:2]
+    quarters = cells.stands.reshape(rows, FINE, cols, FINE).any(axis=(1, 3))
+    assert np.array_equal(quarters, cells.sums[..., OBSTACLE] > 0)
     assert not cells.sums[..., BRIDGE].any(), "no picture, no bridge"
 
 
@@ -380,6 +386,19 @@ def test_clouds_leave_walls_out_and_keep_small_things() -> None:
     floor = result.floor @ sample.T_world_camera[:3, :3].T + sample.T_world_camera[:3, 3]
     assert len(floor) > 1000
     assert np.abs(floor[:, 2]).max() < 0.1
+
+
+def test_a_board_flat_against_the_wall_keeps_its_own_margin() -> None:
+    """3 cm before the wall, within its noise, it is told from it by its label: 10 cm before it nothing is free."""
+    room = empty()
+    wall = max(float(s.origin[0]) for s in room.surfaces)
+    board = Solid(wall - 0.015, 0.0, 0.0, 0.03, 0.5, 0.0, 1.0, 3, GREY)
+    pose = camera_pose(wall - 2.40, 0.0, 1.2, 0.0, -0.35)
+    sample = render(empty(board), KINECT, pose, KINECT_NOISE, np.random.default_rng(3))
+    result = free_space_of(sample.frame, with_truth(sample))
+    for y in (0.05 * k + 0.025 for k in range(-4, 4)):
+        assert cell_at(result, 2.225, y) == FREE_CELL
+        assert cell_at(result, 2.275, y) != FREE_CELL
 
 
 def test_scan_tells_range_free_and_unknown() -> None:

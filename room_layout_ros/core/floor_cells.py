@@ -18,6 +18,10 @@ from .config import EstimatorConfig
 from .depth import DepthGeometry
 from .depth_holes import BRIDGED, MEASURED
 from .floor_plane import BAND_M, FloorFit
+from .labels import CLUTTER
+
+UNKNOWN_CELL, FREE_CELL, OCCUPIED_CELL = -1, 0, 100
+"""Values of the grid, those of OccupancyGrid."""
 
 NOTHING, FLOOR_PIXEL, OBSTACLE_PIXEL, WALL_PIXEL, HOLE_PIXEL, BEYOND_PIXEL = range(6)
 """Kinds of pixels: not measured or over the robot, floor, thing, wall of the room, below the floor, beyond a wall."""
@@ -42,16 +46,18 @@ _PER_METRE, _STEPS = 50.0, 700
 _TINY = np.float32(1e-6)
 
 
-(SEEN, HEIGHT, FLOOR_PIXELS, OBSTACLE, OBSTACLE_PIXELS, TOUCHED, NEAREST, FARTHEST, HOLE, BRIDGE, BLIND) = range(11)
+(SEEN, HEIGHT, FLOOR_PIXELS, OBSTACLE, OBSTACLE_PIXELS, TOUCHED, FARTHEST, HOLE, BRIDGE, BLIND) = range(10)
 """What is summed per cell; shares are of the cell's area.
 
 Share of floor seen; sum of the heights of the pixels of floor and of low things whose ray meets the floor there, and
 their number; share of the visible surface of things, and their pixels; the same share of things in the cell or within
-`_NEXT_TO_M` beside it; distance in m of the nearest thing in the cell from below the camera (inf without) and how far
-the farthest may reach (-inf without); shares of floor that is missing, and of floor behind pixels without depth: floor
-by the picture; not known."""
+`_NEXT_TO_M` beside it; how far in m from below the camera the farthest thing in it may reach (-inf without); shares of
+floor that is missing, and of floor behind pixels without depth: floor by the picture; not known."""
 
-_SUMS = 11
+_SUMS = 10
+
+FINE = 4
+"""Parts of a cell's side: where in a cell a thing stands is kept to a quarter of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,13 +67,15 @@ class FloorCells:
     Attributes
     ----------
     resolution_m, origin_m : side of a cell; x and y of the lower corner of cell (0, 0).
-    sums : (rows, cols, 11) float32, see `SEEN` and those after it.
+    sums : (rows, cols, 10) float32, see `SEEN` and those after it.
+    stands : (rows * FINE, cols * FINE) bool, a pixel of a thing is there.
     kind : (H, W) uint8 kind of each pixel. cell : (H, W) int32 flat index of the cell it counts in, -1 where in none.
     """
 
     resolution_m: float
     origin_m: tuple[float, float]
     sums: NDArray[np.float32]
+    stands: NDArray[np.bool_]
     kind: NDArray[np.uint8]
     cell: NDArray[np.int32]
 
@@ -80,6 +88,7 @@ class FloorCells:
 def sum_floor_cells(
     geometry: DepthGeometry,
     hole_kind: NDArray[np.uint8],
+    labels: NDArray[np.uint8],
     fit: FloorFit,
     T_camera_floor: NDArray[np.float64],
     walls: NDArray[np.float64],
@@ -92,6 +101,7 @@ def sum_floor_cells(
     geometry : DepthGeometry
         With the holes in things filled.
     hole_kind : (H, W) uint8 of `close_holes`.
+    labels : (H, W) uint8 of the estimate: clutter on a wall is a thing.
     fit : FloorFit
     T_camera_floor : (4, 4) float64, `floor_frame` of the fit.
     walls : (n, 4) float64 of `walls_on_floor`; what lies on them is wall, what lies beyond does not count.
@@ -100,12 +110,12 @@ def sum_floor_cells(
     cols, rows = round(config.free_space_forward_m / size), 2 * round(config.free_space_side_m / size)
     origin = (0.0, -0.5 * rows * size)
     c = geometry.camera
-    sums, kind, cell = _sum_cells(
-        geometry.inverse_depth, hole_kind, (c.fx, c.fy, c.cx, c.cy), T_camera_floor,
+    sums, stands, kind, cell = _sum_cells(
+        geometry.inverse_depth, hole_kind, labels, (c.fx, c.fy, c.cx, c.cy), T_camera_floor,
         (fit.distance_m, fit.sigma_m), walls, (*origin, size), (rows, cols),
         (config.obstacle_min_height_m, config.obstacle_noise_factor, config.robot_height_m),
     )  # fmt: skip
-    return FloorCells(size, origin, sums, kind, cell)
+    return FloorCells(size, origin, sums, stands, kind, cell)
 
 
 @njit(cache=True, nogil=True)
@@ -151,7 +161,7 @@ def _flies(left, here, right):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, limits):  # type: ignore[no-untyped-def]
+def _sum_cells(inverse, hole_kind, labels, intrinsics, T, fit, walls, corner, shape, limits):  # type: ignore[no-untyped-def]
     fx, fy, cx, cy = intrinsics
     distance, sigma = fit
     x0, y0, size = corner
@@ -159,9 +169,9 @@ def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, lim
     lowest, factor, highest = limits
     height, width = inverse.shape
     sums = np.zeros((rows, cols, _SUMS), np.float32)
-    sums[:, :, NEAREST] = np.inf
     sums[:, :, FARTHEST] = -np.inf
     touched = np.zeros((rows, cols), np.float32)
+    stands = np.zeros((rows * FINE, cols * FINE), np.bool_)
     kind = np.zeros((height, width), np.uint8)
     cell = np.full((height, width), -1, np.int32)
     per_pixel = np.float32(1.0 / (fx * fy * size * size))
@@ -206,7 +216,7 @@ def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, lim
                 if 2 <= u < width - 2 and _flies(inverse[v, u - 2], inverse[v, u], inverse[v, u + 2]):
                     continue
                 tolerance = _ON_WALL_M + _ON_WALL_SIGMAS * noise * z / distance
-                if inside[u] < tolerance:
+                if inside[u] < (-tolerance if labels[v, u] == CLUTTER else tolerance):
                     kind[v, u] = WALL_PIXEL if inside[u] >= -tolerance else BEYOND_PIXEL
                     continue
                 what = OBSTACLE_PIXEL
@@ -232,6 +242,7 @@ def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, lim
                 area = per_pixel * z * z
                 sums[i, j, OBSTACLE] += area
                 sums[i, j, OBSTACLE_PIXELS] += 1
+                stands[int(across * FINE), int(ahead * FINE)] = True
                 first_i, last_i = int(np.floor(across - reach)), int(np.floor(across + reach))
                 first_j, last_j = int(np.floor(ahead - reach)), int(np.floor(ahead + reach))
                 # most pixels reach into the same cells as the one before
@@ -242,7 +253,6 @@ def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, lim
                     i0, i1, j0, j1, run = first_i, last_i, first_j, last_j, 0.0
                 run += area
                 r = np.sqrt(x * x + y * y)
-                sums[i, j, NEAREST] = min(sums[i, j, NEAREST], r)
                 # the next row of a level surface that is seen flat may be centimetres behind this one
                 between = _BETWEEN_PIXELS * z * z / (fy * max(distance - h, 0.05))
                 sums[i, j, FARTHEST] = max(sums[i, j, FARTHEST], r + min(between, _MAX_BETWEEN_M))
@@ -257,4 +267,4 @@ def _sum_cells(inverse, hole_kind, intrinsics, T, fit, walls, corner, shape, lim
         for n in range(max(j0, 0), min(j1 + 1, cols)):
             touched[m, n] += run
     sums[:, :, TOUCHED] = touched
-    return sums, kind, cell
+    return sums, stands, kind, cell

@@ -432,7 +432,7 @@ def _heights(pixels, intrinsics, plane, bias):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _bias(pixels, intrinsics, plane, sigma, shape):  # type: ignore[no-untyped-def]
-    """Median error of the inverse depth of the floor pixels within three sigma, per tile, carried on smoothly."""
+    """Median error of the inverse depth of floor pixels (by label, within three sigma), per tile; carried on."""
     fx, fy, cx, cy = intrinsics
     rows, cols = shape
     counts = np.zeros((rows, cols, 2 * _HISTOGRAM_BINS), np.int32)
@@ -444,7 +444,7 @@ def _bias(pixels, intrinsics, plane, sigma, shape):  # type: ignore[no-untyped-d
         s = sigma[min(int(1.0 / (w * BAND_M)), _BANDS - 1)]
         error = w - (plane[0] * ((u - cx) / fx) + plane[1] * ((v - cy) / fy) + plane[2])
         h = d * error / w
-        if abs(h) < 3.0 * s:
+        if abs(h) < 3.0 * s and pixels[n, 3] == 1.0:
             i, j = int(v) // TILE_PX, int(u) // TILE_PX
             k = min(max(int(h / _HISTOGRAM_M + _HISTOGRAM_BINS), 0), 2 * _HISTOGRAM_BINS - 1)
             counts[i, j, k] += 1

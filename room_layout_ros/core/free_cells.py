@@ -1,9 +1,4 @@
-"""Which cells of the floor are free, occupied or not known, from the sums over their pixels.
-
-What a thing's pixels say of its place is as uncertain as their depth, and that goes along the ray: before a thing the
-margin begins at its nearest pixel, and behind it cells are not free as far as noise and the spacing of the pixels on
-a level surface may hide the rest of it.
-"""
+"""Which cells of the floor are free, occupied or not known, from the sums over their pixels."""
 
 from __future__ import annotations
 
@@ -14,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from .cell_margins import keep_away
 from .config import EstimatorConfig
 from .depth import MAD_TO_SIGMA
 from .floor_cells import (
@@ -21,19 +17,19 @@ from .floor_cells import (
     BRIDGE,
     FARTHEST,
     FLOOR_PIXELS,
+    FREE_CELL,
     HEIGHT,
     HOLE,
-    NEAREST,
     OBSTACLE,
     OBSTACLE_PIXELS,
+    OCCUPIED_CELL,
     SEEN,
     TOUCHED,
+    UNKNOWN_CELL,
     FloorCells,
     band_sigma,
 )
 from .floor_plane import FloorFit
-
-UNKNOWN_CELL, FREE_CELL, OCCUPIED_CELL = -1, 0, 100
 
 _MIN_PIXELS = 3
 _MIN_HOLE = 0.3
@@ -42,6 +38,9 @@ _MAX_GAP = 0.3
 
 _ALL_GAP = 0.8
 """Share from which on a black thing may fill the cell and reach into the one before it."""
+
+_MEASURED = 0.7
+"""Share of the floor that has to be seen that has to be measured too; the rest may be without depth."""
 
 _BRIDGE_CELLS = 2
 """With `free_by_picture` holes of the depth are free up to this far from floor that was measured."""
@@ -55,23 +54,18 @@ _DOUBT_SIGMAS = 3.0
 _PATCH_SHARE = 0.2
 _TOUCH_SHARE = 0.1
 _DOUBT_SHARE = 0.8
-_TOUCH_PIXELS = 2.5
+_TOUCH_PIXELS = 0.5
 _TAIL_SHARE = 0.25
-_STRAY_SIGMAS, _BEHIND_SIGMAS, _SURE_SIGMAS = (1.5, 4.0), (2.0, 0.5), (-1.4, 1.5)
+_STRAY_SIGMAS, _BEHIND_SIGMAS, _SURE_SIGMAS = (1.5, 4.0), (2.0, 0.5), (-1.8, 1.5)
 """In deviations of the depth's noise, within `_CLOSE_M` and beyond: the few pixels of a cell beside a thing may lie so
 much before their true place; a thing may go on so far behind its farthest pixel; so much its nearest pixel is early."""
 
-_CLOSE_M, _PLACE_M = 3.0, 0.01
-"""Up to here free has to be certain, beyond it the more likely counts: a robot comes nearer before it gets there. So
-much of the noise is left in: the place of a pixel."""
+_CLOSE_M, _PLACE_M = 3.2, 0.01
+"""Up to here free has to be certain, beyond it the more likely counts: a robot comes nearer before it gets there. (It
+holds for things, of which the noise sets back those at 3 m.) So much of the noise is left in: the place of a pixel."""
 
 _BEHIND_WALL_CELLS = 3
 _BEHIND_HOLE_CELLS = 1.5
-_STEP_CELLS = 0.25
-"""Of the look along the ray: it shall not step over the corner of a cell."""
-
-_MARGIN_CELLS = 0.15
-"""Added to the margin: the place of a thing is known to a pixel, not better (7 mm for cells of 5 cm)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +127,7 @@ def decide_cells(
     walls : (n, 4) float64 of `walls_on_floor`.
     half_view : float, radians, of the picture to either side. focal_px : float.
     """
-    grid, nearest, farthest = _decide(
+    grid, reach = _decide(
         cells.sums, cells.corner, (thing, doubt), levels.height_m, levels.sigma_m, walls, half_view, focal_px,
         (fit.sigma_m, fit.distance_m),
         (
@@ -141,8 +135,7 @@ def decide_cells(
             _BRIDGE_CELLS if config.free_by_picture else 0,
         ),
     )  # fmt: skip
-    margin = config.obstacle_margin_m + _MARGIN_CELLS * cells.resolution_m
-    _keep_away(grid, nearest, farthest, walls, *cells.corner, margin)
+    keep_away(grid, reach, cells, walls, config.obstacle_margin_m)
     return np.asarray(grid)
 
 
@@ -234,7 +227,8 @@ def _is_beside(thing, i, j):  # type: ignore[no-untyped-def]
 def _is_floor(sums, i, j, least, bridge_cells):  # type: ignore[no-untyped-def]
     """Whether enough of a cell was measured as floor, or is floor by the picture so many cells from measured floor."""
     rows, cols, _ = sums.shape
-    if sums[i, j, SEEN] >= least:
+    seen = sums[i, j, SEEN]
+    if seen >= least or (seen >= _MEASURED * least and seen + sums[i, j, BRIDGE] + sums[i, j, BLIND] >= least):
         return True
     if bridge_cells == 0 or sums[i, j, SEEN] + sums[i, j, BRIDGE] < least:
         return False
@@ -255,6 +249,7 @@ def _decide(sums, corner, things, height, sigma, walls, half_view, focal, fit, l
     rows, cols, _ = sums.shape
     grid = np.full((rows, cols), UNKNOWN_CELL, np.int8)
     nearest = np.full((rows, cols), np.inf)
+    early = np.full((rows, cols), np.inf)
     farthest = np.full((rows, cols), -np.inf)
     for i in range(rows):
         y = y0 + (i + 0.5) * size
@@ -293,43 +288,12 @@ def _decide(sums, corner, things, height, sigma, walls, half_view, focal, fit, l
             blind = cell[BLIND] >= _ALL_GAP
             stands = thing[i, j] or hole or blind or doubt[i, j]
             if stands or (beside and cell[OBSTACLE_PIXELS] > 0):
-                at = cell[NEAREST] if cell[NEAREST] < np.inf else r - (1.5 if blind else 0.5) * size
-                early = (_SURE_SIGMAS[far] if thing[i, j] else 0.0) if stands else _STRAY_SIGMAS[far]
-                nearest[i, j] = at + max(early * noise - _PLACE_M, min(early, 0.0) * noise)
+                sigmas = (_SURE_SIGMAS[far] if thing[i, j] else 0.0) if stands else _STRAY_SIGMAS[far]
+                early[i, j] = max(sigmas * noise - _PLACE_M, min(sigmas, 0.0) * noise)
+                if doubt[i, j] or cell[OBSTACLE_PIXELS] == 0:
+                    nearest[i, j] = r - (1.5 if blind else 0.5) * size + early[i, j]
             if thing[i, j]:
                 farthest[i, j] = cell[FARTHEST] + _BEHIND_SIGMAS[far] * noise
             elif hole:  # its far side is seen a little below the edge, as floor is by its noise
                 farthest[i, j] = r + _BEHIND_HOLE_CELLS * size
-    return grid, nearest, farthest
-
-
-@njit(cache=True, nogil=True)
-def _keep_away(grid, nearest, farthest, walls, x0, y0, size, margin):  # type: ignore[no-untyped-def]
-    """Free cells become unknown within the margin before a thing or a wall, or behind a thing where it may reach."""
-    rows, cols = grid.shape
-    steps = int(np.ceil((margin + size) / (_STEP_CELLS * size)))
-    for i in range(rows):
-        y = y0 + (i + 0.5) * size
-        for j in range(cols):
-            if grid[i, j] != 0:
-                continue
-            x = x0 + (j + 0.5) * size
-            r = np.sqrt(x * x + y * y)
-            ex, ey = x / r, y / r
-            near = False
-            for k in range(steps + 1):
-                m, n = int(np.floor(i + 0.5 + _STEP_CELLS * k * ey)), int(np.floor(j + 0.5 + _STEP_CELLS * k * ex))
-                if 0 <= m < rows and 0 <= n < cols and nearest[m, n] <= r + margin:
-                    near = True
-                    break
-            for k in range(1, 1 if near else steps + 1):
-                m, n = int(np.floor(i + 0.5 - _STEP_CELLS * k * ey)), int(np.floor(j + 0.5 - _STEP_CELLS * k * ex))
-                if 0 <= m < rows and 0 <= n < cols and farthest[m, n] >= r:
-                    near = True
-                    break
-            for k in range(len(walls)):
-                ahead = walls[k, 0] * (x + margin * ex) + walls[k, 1] * (y + margin * ey)
-                if ahead >= walls[k, 2]:
-                    near = True
-            if near:
-                grid[i, j] = -1
+    return grid, (early, nearest, farthest)

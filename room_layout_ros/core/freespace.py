@@ -16,11 +16,19 @@ from .config import EstimatorConfig
 from .depth import DepthGeometry
 from .depth_holes import close_holes
 from .estimate import RoomEstimate
-from .floor_cells import FLOOR_PIXEL, OBSTACLE_PIXEL, FloorCells, sum_floor_cells
+from .floor_cells import (
+    FLOOR_PIXEL,
+    FREE_CELL,
+    OBSTACLE_PIXEL,
+    OCCUPIED_CELL,
+    UNKNOWN_CELL,
+    FloorCells,
+    sum_floor_cells,
+)
 from .floor_frame import floor_frame, room_outline, walls_on_floor
 from .floor_plane import FloorPlane, fit_floor, remove_bias
 from .frame import CameraIntrinsics
-from .free_cells import FREE_CELL, OCCUPIED_CELL, UNKNOWN_CELL, blind_cells, decide_cells, floor_levels, occupied_cells
+from .free_cells import blind_cells, decide_cells, floor_levels, occupied_cells
 from .low_things import find_low_things
 from .overhang import hide_overhung
 from .scan import RangeScan, cast_scan
@@ -101,7 +109,7 @@ def compute_free_space(
     closed = replace(geometry, inverse_depth=holes.inverse_depth)
     walls = refine_walls(closed, estimate, T_camera_floor, walls)
     barriers = walls[:0] if config.free_beyond_walls else walls
-    cells = sum_floor_cells(closed, holes.kind, fit, T_camera_floor, barriers, config)
+    cells = sum_floor_cells(closed, holes.kind, estimate.labels, fit, T_camera_floor, barriers, config)
     levels = floor_levels(cells)
     thing = occupied_cells(cells, levels, config)
     low, doubt = find_low_things(color, cells, levels, thing, config)

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .floor_cells import OBSTACLE_PIXEL
+from .floor_cells import FREE_CELL, OBSTACLE_PIXEL, UNKNOWN_CELL
 from .frame import CameraIntrinsics
 
 _STEP_M = 0.05
@@ -49,8 +49,8 @@ def _hide(grid, inverse, kind, intrinsics, T, corner, robot_height, margin):  # 
     for i in range(rows):
         for j in range(cols):
             hidden = covered[i, j] or covered[i + 1, j] or covered[i, j + 1] or covered[i + 1, j + 1]
-            if hidden and grid[i, j] == 0:
-                grid[i, j] = -1
+            if hidden and grid[i, j] == FREE_CELL:
+                grid[i, j] = UNKNOWN_CELL
 
 
 @njit(cache=True, nogil=True)
@@ -67,7 +67,7 @@ def _covered(grid, inverse, kind, intrinsics, T, corner, robot_height, margin): 
             near = False
             for m in range(max(i - 1, 0), min(i + 1, rows)):
                 for n in range(max(j - 1, 0), min(j + 1, cols)):
-                    near = near or grid[m, n] == 0
+                    near = near or grid[m, n] == FREE_CELL
             if not near:
                 continue
             x, y = x0 + j * size, y0 + i * size

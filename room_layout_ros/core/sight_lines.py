@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .free_cells import FREE_CELL, OCCUPIED_CELL
+from .floor_cells import FREE_CELL, OCCUPIED_CELL
 
 _BEAMS = 1440
 """Directions over the half circle ahead: an eighth of a degree, a quarter of a cell of 5 cm at 6 m."""
