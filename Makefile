@@ -32,7 +32,7 @@ export ROS_LOG_DIR ?= $(CURDIR)/log/ros
 export NUMBA_NUM_THREADS ?= 1
 unexport PYTHONPATH PYTHONHOME LD_LIBRARY_PATH
 
-.PHONY: install demo test check bench fuzz soak oldest clean
+.PHONY: install demo test check browser bench fuzz soak oldest clean
 
 install: $(STAMP)
 
@@ -56,8 +56,19 @@ check: $(STAMP)
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-test: check
+test: check browser
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+# The dashboard's page is tested in a browser. Where there is none and we are root, Debian's is installed; else that test is
+# skipped. Only the fetching has a deadline: an installation that is cut off would have to be repaired.
+APT := env DEBIAN_FRONTEND=noninteractive apt-get -qq -y --no-install-recommends -o DPkg::Lock::Timeout=60
+browser:
+	@if command -v chromium google-chrome >/dev/null || [ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null; then exit 0; fi; \
+	log=$$(mktemp); trap 'rm -f "$$log"' EXIT; \
+	echo "Installing chromium by apt-get, which the test of the dashboard's page needs (once, about 20 s)"; \
+	{ timeout 60 $(APT) update; timeout 180 $(APT) --download-only install chromium && $(APT) install chromium; } \
+	  </dev/null >"$$log" 2>&1 || { why=$$(tail -n 1 "$$log"); \
+	  echo "chromium could not be installed, the test of the dashboard's page is skipped: $${why:-not fetched in 3 minutes}"; }
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks

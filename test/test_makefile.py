@@ -15,8 +15,8 @@ pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="make is no
 FROM_MAKE = re.compile("AMENT_PREFIX_PATH|FASTRTPS_|ROS_|NUMBA_|MAKE|MFLAGS")
 
 
-def _make(repository: Path, *arguments: str) -> str:
-    env = {k: v for k, v in os.environ.items() if not FROM_MAKE.match(k)}
+def _make(repository: Path, *arguments: str, **variables: str) -> str:
+    env = {k: v for k, v in os.environ.items() if not FROM_MAKE.match(k)} | variables
     command = ["make", "--no-print-directory", "-C", str(repository), *arguments]
     result = subprocess.run(command, env=env, capture_output=True, text=True, timeout=60)
     assert result.returncode == 0, result.stderr
@@ -82,6 +82,61 @@ def test_ci_runs_make_test_alone(repository: Path) -> None:
     assert os.access(script, os.X_OK)
     lines = [line for line in script.read_text("utf-8").splitlines() if line and not line.startswith("#")]
     assert lines[-1] == "exec make test"
+
+
+def test_the_tests_come_after_the_browser(repository: Path, tmp_path: Path) -> None:
+    (tmp_path / ".installed").touch()
+    plan = _make(repository, "--dry-run", "test", f"VENV={tmp_path}")
+    assert 0 < plan.index("apt-get") < plan.index("-m pytest")
+
+
+def _make_browser(repository: Path, machine: Path, **programs: str) -> str:
+    """Run `make browser` on a machine that has these programs (name and script) and the few that the recipe needs."""
+    machine.mkdir()
+    for needed in ("make", "mktemp", "rm", "tail", "timeout", "env", "cksum", "cut", "uname"):
+        (machine / needed).symlink_to(str(shutil.which(needed)))
+    for name, script in programs.items():
+        (machine / name.replace("_", "-")).write_text(f"#!/bin/bash\n{script}\n", "utf-8")
+        (machine / name.replace("_", "-")).chmod(0o755)
+    return _make(repository, "browser", PATH=str(machine))
+
+
+def test_root_gets_a_browser_once(repository: Path, tmp_path: Path) -> None:
+    calls = tmp_path / "calls"
+    apt = f'echo "$DEBIAN_FRONTEND $*" >> {calls}; [[ $* != *update ]]'  # a list that cannot be had is no reason to end
+    told = _make_browser(repository, tmp_path / "bare", id="echo 0", apt_get=apt)
+    assert told.startswith("Installing chromium by apt-get")
+    assert len(told.splitlines()) == 1
+    done = calls.read_text("utf-8").splitlines()
+    assert [call.rpartition(" ")[2] for call in done] == ["update", "chromium", "chromium"]
+    assert all(call.startswith("noninteractive -qq -y --no-install-recommends ") for call in done)
+    assert ["--download-only" in call for call in done] == [False, True, False]
+
+
+@pytest.mark.parametrize("there", [{"chromium": ""}, {"google_chrome": ""}, {"id": "echo 1000"}, {"apt_get": ""}])
+def test_nothing_is_installed_where_a_browser_is_or_none_can_be(
+    repository: Path, tmp_path: Path, there: dict[str, str]
+) -> None:
+    """With a browser, as another user than root, and without apt-get, nothing is called and nothing said."""
+    machine = {"id": "echo 0", "apt_get": f"touch {tmp_path}/called", **there}
+    if there == {"apt_get": ""}:
+        del machine["apt_get"]
+    assert _make_browser(repository, tmp_path / "machine", **machine) == ""
+    assert not (tmp_path / "called").exists()
+
+
+@pytest.mark.parametrize(
+    ("apt", "reason"),
+    [
+        ("echo 'E: Unable to locate package chromium' >&2; exit 100", "E: Unable to locate package chromium"),
+        ("exit 124", "not fetched in 3 minutes"),
+    ],
+)
+def test_without_a_browser_the_tests_go_on_and_the_reason_is_said(
+    repository: Path, tmp_path: Path, apt: str, reason: str
+) -> None:
+    told = _make_browser(repository, tmp_path / "machine", id="echo 0", apt_get=apt).splitlines()
+    assert told[1:] == [f"chromium could not be installed, the test of the dashboard's page is skipped: {reason}"]
 
 
 def test_processes_get_one_environment(repository: Path, tmp_path: Path) -> None:
