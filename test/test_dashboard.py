@@ -10,6 +10,7 @@ import urllib.error
 import urllib.request
 from base64 import b64decode
 from collections.abc import Iterator
+from dataclasses import replace
 from http.server import ThreadingHTTPServer
 from types import SimpleNamespace
 from typing import Any
@@ -33,6 +34,7 @@ from room_layout_ros.datasets import good_samples
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.listening import listen
 from room_layout_ros.node_config import NodeConfig
+from room_layout_ros.runtime.diagnosis import Finding, Level
 from room_layout_ros.scene import Scene
 
 
@@ -127,7 +129,7 @@ def test_a_bag_and_the_running_node_show_the_same_free_space(board: Board) -> No
     space = Scene(frame, estimate, NodeConfig(), estimator.config).free_space
     assert space is not None
     assert {FREE_CELL, OCCUPIED_CELL, UNKNOWN_CELL} <= set(space.grid.ravel().tolist())
-    ears = Ears(board)
+    ears = Ears(board, "/estimator")
     ears.on_overlay(overlay(stamp=1))
     ears.on_free_space(grid(1, space.grid, space.resolution_m, space.origin_m))
     heard, estimated = board.look()[2], room_of(frame, estimate, estimator.config)
@@ -142,7 +144,7 @@ def test_a_room_without_depth_has_no_plan_and_no_points() -> None:
 
 
 def test_polygons_of_a_node_are_shown_with_the_overlay_of_the_same_stamp(board: Board) -> None:
-    ears = Ears(board)
+    ears = Ears(board, "/estimator")
     ears.on_polygon(polygon(stamp=1, face=2))
     ears.on_overlay(overlay(stamp=2))
     assert board.look()[2].polygons == []  # those of stamp 1 belong to another frame
@@ -151,7 +153,7 @@ def test_polygons_of_a_node_are_shown_with_the_overlay_of_the_same_stamp(board: 
 
 
 def test_a_grid_that_does_not_fit_its_size_is_left_out(board: Board) -> None:
-    ears = Ears(board)
+    ears = Ears(board, "/estimator")
     wrong = grid(1, np.zeros((2, 2), np.int8), 0.05, (0.0, 0.0))
     wrong.info.width = 3
     ears.on_free_space(wrong)
@@ -160,7 +162,7 @@ def test_a_grid_that_does_not_fit_its_size_is_left_out(board: Board) -> None:
 
 
 def test_obstacles_and_floor_of_a_node_are_points_in_the_colors_of_their_labels(board: Board) -> None:
-    ears = Ears(board)
+    ears = Ears(board, "/estimator")
     ears.on_overlay(overlay(stamp=1))
     ears.on_obstacles(cloud(1, [(1, 2, 3)]))
     ears.on_floor(cloud(1, [(4, 5, 6), (7, 8, 9)]))
@@ -173,7 +175,7 @@ def test_obstacles_and_floor_of_a_node_are_points_in_the_colors_of_their_labels(
 
 @pytest.mark.parametrize("fault", [{"is_bigendian": True}, {"point_step": 8}, {"fields": []}, {"data": bytes(15)}])
 def test_points_of_another_form_are_left_out(board: Board, fault: dict[str, Any]) -> None:
-    ears = Ears(board)
+    ears = Ears(board, "/estimator")
     message = cloud(1, [(1, 2, 3)])
     vars(message).update(fault)
     ears.on_obstacles(message)
@@ -198,8 +200,66 @@ def test_the_frame_before_stays_until_the_parts_of_the_new_one_are_there() -> No
     assert board.look() == (2, 2, Room("second", overlay=b"more of it"))
 
 
+def test_numbers_are_those_of_the_chosen_node_alone(board: Board) -> None:
+    ears = Ears(board, "/left/estimator")
+    for node, ms in (("left/estimator", "21.0"), ("right/estimator", "99.0"), ("estimator", "98.0")):
+        values = {"latency_p50_ms": ms, "stage_ms: joint": ms, f"stage_ms: of {node}": "1"}
+        ears.on_diagnostics(diagnostics((f"{node}: estimates", f"of {node}", values), ("motor", "hot", {})))
+    ears.on_diagnostics(diagnostics(("left/estimator: floor", "floor from tf", {}), ("left/estimator", "x", {})))
+    ears.on_overlay(overlay(stamp=1))
+    room = board.look()[2]
+    assert room.numbers == {"estimates": "of left/estimator", "latency_p50_ms": "21.0", "floor": "floor from tf"}
+    assert room.stages == {"joint": 21.0, "of left/estimator": 1.0}
+
+
+def test_the_names_of_the_statuses_are_those_that_the_node_sends(board: Board) -> None:
+    pytest.importorskip("diagnostic_msgs", reason="ROS is not installed (extra ros)")
+    from msg_adapters.encode_diagnostics import encode_diagnostics
+
+    ears = Ears(board, "/left/estimator")
+    ears.on_diagnostics(encode_diagnostics([Finding("estimates", Level.OK, "8 per second")], "left/estimator", 0))
+    ears.on_overlay(overlay(stamp=1))
+    assert board.look()[2].numbers == {"estimates": "8 per second"}
+
+
+def test_stages_that_the_node_no_longer_runs_are_gone(board: Board) -> None:
+    ears = Ears(board, "/estimator")
+    ears.on_diagnostics(diagnostics(("estimator: estimates", "", {"stage_ms: joint": "20", "stage_ms: edges": "1"})))
+    ears.on_diagnostics(
+        diagnostics(("estimator: estimates", "", {"stage_ms: layout": "3"}), ("estimator: floor", "", {}))
+    )
+    ears.on_overlay(overlay(stamp=1))
+    assert board.look()[2].stages == {"layout": 3.0}
+
+
+@pytest.mark.parametrize("metric", [True, False])
+def test_a_running_node_tells_whether_the_room_is_in_metres(board: Board, metric: bool) -> None:
+    pytest.importorskip("visualization_msgs", reason="ROS is not installed (extra ros)")
+    from msg_adapters.encode_room import encode_markers
+
+    (sample,) = good_samples(SyntheticSource(frames=1, seed=4))
+    frame = sample.frame if metric else sample.frame.without_depth()
+    frame = replace(frame, stamp_ns=1_000_000_000)
+    estimate = LayoutEstimator().estimate(frame)
+    assert estimate.polygons
+    ears = Ears(board, "/estimator")
+    ears.on_overlay(overlay(stamp=1))
+    assert board.look()[2].metric is None
+    ears.on_markers(encode_markers(estimate, 1.0))
+    assert board.look()[2].metric is estimate.metric is metric
+    ears.on_overlay(overlay(stamp=2))
+    assert board.look()[2].metric is None, "another frame may have had no depth"
+
+
+def test_markers_of_no_room_tell_nothing(board: Board) -> None:
+    ears = Ears(board, "/estimator")
+    ears.on_overlay(overlay(stamp=1))
+    ears.on_markers(SimpleNamespace(markers=[]))
+    assert board.look()[2].metric is None
+
+
 def test_memory_of_the_ears_is_bounded(board: Board) -> None:
-    ears = Ears(board)
+    ears = Ears(board, "/estimator")
     for stamp in range(200):
         ears.on_polygon(polygon(stamp, 2))
         ears.on_overlay(overlay(stamp))
@@ -208,6 +268,20 @@ def test_memory_of_the_ears_is_bounded(board: Board) -> None:
 
 def header(stamp: int) -> Any:
     return SimpleNamespace(stamp=SimpleNamespace(sec=stamp, nanosec=0))
+
+
+def diagnostics(*statuses: tuple[str, str, dict[str, str]]) -> Any:
+    return SimpleNamespace(
+        status=[
+            SimpleNamespace(
+                name=name,
+                message=message,
+                hardware_id="",
+                values=[SimpleNamespace(key=key, value=value) for key, value in values.items()],
+            )
+            for name, message, values in statuses
+        ]
+    )
 
 
 def polygon(stamp: int, face: int) -> Any:
@@ -274,5 +348,5 @@ def test_server_is_not_reachable_from_other_machines(server: ThreadingHTTPServer
 
 @pytest.mark.dds
 def test_listening_ends_in_time(board: Board) -> None:
-    listen("room_layout_dashboard", Ears(board).listeners("/estimator"), end=0.0)
+    listen("room_layout_dashboard", Ears(board, "/estimator").listeners(), end=0.0)
     assert board.look() == (-1, 0, Room(""))

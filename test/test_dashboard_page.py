@@ -241,6 +241,18 @@ def test_frames_per_second_are_counted(page: Page, rooms: list[Room]) -> None:
     assert rates[-1] > 0
 
 
+@pytest.mark.parametrize(
+    ("metric", "unit"), [(True, " [m]"), (False, " [front wall = 1]"), (None, "")], ids=["depth", "color", "not_told"]
+)
+def test_axes_name_the_unit_of_the_room(page: Page, rooms: list[Room], metric: bool | None, unit: str) -> None:
+    page.board.show(replace(rooms[0], name=f"metric {metric}", metric=metric))
+    page.wait()
+    titles = page.browser.value(
+        "['xaxis', 'yaxis', 'zaxis'].map(a => document.getElementById('room')._fullLayout.scene[a].title.text)"
+    )
+    assert titles == [f"right{unit}", f"ahead{unit}", f"up{unit}"]
+
+
 def test_a_frame_without_floor_says_so(page: Page, rooms: list[Room]) -> None:
     page.board.show(Room("no floor", overlay=rooms[0].overlay, polygons=rooms[0].polygons))
     page.wait()

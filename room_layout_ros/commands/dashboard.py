@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"http://{HOST}:{server.server_address[1]}/", flush=True)
     try:
         if source is None:
-            listen("room_layout_dashboard", Ears(board).listeners(arguments.node), end)
+            listen("room_layout_dashboard", Ears(board, arguments.node).listeners(), end)
         else:
             show_source(board, source, end, arguments.loop)
             while time.monotonic() < end:  # the last room stays on show

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,6 +21,7 @@ SETTLE_S = 0.1
 """The messages of one frame come one after another, within this time."""
 
 _KEPT = 8
+_STAGE = "stage_ms: "
 _JPEG_QUALITY = 85
 _MOST_CELLS = 4_000_000
 _FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
@@ -27,27 +29,36 @@ _FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
 
 @dataclass(slots=True)
 class _Heard:
-    """The parts of one frame so far. points : (n, 3) float32 by label id."""
+    """The parts of one frame so far. points : (n, 3) float32 by label id. metric : None until a marker has told."""
 
     overlay: bytes = b""
     polygons: dict[int, list[list[float]]] = field(default_factory=dict)
     grid: Grid | None = None
     points: dict[int, NDArray[np.float32]] = field(default_factory=dict)
+    metric: bool | None = None
 
 
 class Ears:
-    """Collects messages by stamp; each overlay makes a room. The other parts come in the same burst, some later."""
+    """Collects messages by stamp; each overlay makes a room. The other parts come in the same burst, some later.
 
-    def __init__(self, board: Board) -> None:
-        self._board = board
+    Parameters
+    ----------
+    board : where the rooms are shown.
+    node : name of the node to listen to, with its namespace.
+    """
+
+    def __init__(self, board: Board, node: str) -> None:
+        self._board, self._node = board, node
         self._heard: OrderedDict[int, _Heard] = OrderedDict()
         self._numbers: dict[str, str] = {}
         self._stages: dict[str, float] = {}
 
-    def listeners(self, node: str) -> list[Listener]:
-        """Return what to listen to for the node of this name."""
+    def listeners(self) -> list[Listener]:
+        """Return what to listen to."""
+        node = self._node
         return [
             Listener(f"{node}/polygons", "geometry_msgs/msg/PolygonInstanceStamped", 50, self.on_polygon),
+            Listener(f"{node}/markers", "visualization_msgs/msg/MarkerArray", 2, self.on_markers),
             Listener(f"{node}/overlay", "sensor_msgs/msg/Image", 2, self.on_overlay),
             Listener(f"{node}/free_space", "nav_msgs/msg/OccupancyGrid", 2, self.on_free_space),
             Listener(f"{node}/obstacles", "sensor_msgs/msg/PointCloud2", 2, self.on_obstacles),
@@ -62,6 +73,13 @@ class Ears:
             corners = [[p.x, p.y, p.z] for p in message.polygon.polygon.points]
             self._parts_of(message).polygons[face] = corners
             self._show(message)
+
+    def on_markers(self, message: Any) -> None:
+        """Take from the names of the faces whether their distances are metres: no other message of a frame tells."""
+        names = [marker for marker in message.markers if marker.ns == "names"]
+        if names:
+            self._parts_of(names[0]).metric = all(str(marker.text).endswith(" m") for marker in names)
+            self._show(names[0])
 
     def on_overlay(self, message: Any) -> None:
         """Take the picture of a frame; it makes a room."""
@@ -92,15 +110,17 @@ class Ears:
         self._take_points(message, FLOOR)
 
     def on_diagnostics(self, message: Any) -> None:
-        """Take the node's numbers."""
+        """Take the node's numbers. The topic is everybody's; our node's statuses are named "<node>: <what>"."""
+        own = f"{self._node.strip('/')}: "
         for status in message.status:
-            self._numbers[str(status.name)[:60]] = str(status.message)[:120]
-            for value in status.values:
-                key, text = str(value.key), str(value.value)
-                if key.startswith("stage_ms: "):
-                    self._stages[key.removeprefix("stage_ms: ")] = _number(text)
-                elif key in ("latency_p50_ms", "latency_p99_ms"):
-                    self._numbers[key] = text
+            if str(status.name).startswith(own):
+                self._numbers[str(status.name).removeprefix(own)[:60]] = str(status.message)[:120]
+                self._take_values({str(value.key): str(value.value) for value in status.values})
+
+    def _take_values(self, values: Mapping[str, str]) -> None:
+        stages = {key.removeprefix(_STAGE): _number(text) for key, text in values.items() if key.startswith(_STAGE)}
+        self._stages = stages or self._stages  # only one of the statuses has them
+        self._numbers.update((key, values[key]) for key in ("latency_p50_ms", "latency_p99_ms") if key in values)
 
     def _take_points(self, message: Any, label: int) -> None:
         points = _points_of(message)
@@ -127,6 +147,7 @@ class Ears:
             cloud=_cloud(heard.points),
             numbers=dict(self._numbers),
             stages=dict(self._stages),
+            metric=heard.metric,
         )
         self._board.show(room)
 

@@ -51,7 +51,7 @@ class Room:
     name : of the frame. overlay : JPEG bytes, empty where there is none.
     polygons : (face id, corners in metres) of the visible faces. grid, cloud : None where there is none.
     numbers : shown as they are. stages : milliseconds.
-    metric : False where the scale is unknown: then one unit is the distance of the front wall.
+    metric : False where the scale is unknown: then one unit is the distance of the front wall. None where nothing told.
     """
 
     name: str
@@ -61,7 +61,7 @@ class Room:
     cloud: Cloud | None = None
     numbers: Mapping[str, str] = field(default_factory=dict)
     stages: Mapping[str, float] = field(default_factory=dict)
-    metric: bool = True
+    metric: bool | None = None
 
 
 def state_of(number: int, frames: int, room: Room) -> dict[str, Any]:

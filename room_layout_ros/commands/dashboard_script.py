@@ -54,7 +54,7 @@ function ranges(traces) {
 }
 function drawRoom(state) {
   const traces = [...FACES.flatMap(face => faceTraces(face, state.polygons)), CAMERA, cloudTrace(state.cloud)];
-  const range = ranges(traces), unit = state.metric ? " [m]" : " [front wall = 1]";
+  const range = ranges(traces), unit = state.metric === null ? "" : state.metric ? " [m]" : " [front wall = 1]";
   const side = (name, key) =>
     axis(name + unit, {range: range[key], nticks: 6, showbackground: false, showspikes: false});
   return Plotly.react("room", traces, dark({
