@@ -180,6 +180,7 @@ class Shell:
             self._session.count_lost(stream, number)
 
     def _on_clock_jump(self, jump: Any) -> None:
+        self._transforms.clear()
         if self._session is not None and self._inputs:
             back_s = -jump.delta.nanoseconds * 1e-9
             self.complain("jump of the clock", f"/clock jumped back by {back_s:.1f} s; starting afresh")

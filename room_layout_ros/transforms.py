@@ -12,6 +12,9 @@ from msg_adapters.stamp import NS_PER_S
 
 from .node_config import parse_pose
 
+_BACK_NS = NS_PER_S
+"""Stamps that step back by more than this are of a bag that starts over or a simulation that is reset."""
+
 
 class Transforms:
     """Looks up transforms between two frames at a time; knows none where tf2_ros is not installed.
@@ -27,6 +30,7 @@ class Transforms:
     def __init__(self, node: Any) -> None:
         self._node = node
         self._buffer: Any = None
+        self._intake: _Intake | None = None
         self._listener: Any = None
         self._broadcaster: Any = None
         self._lock = threading.Lock()
@@ -39,8 +43,9 @@ class Transforms:
                 from tf2_ros import Buffer, TransformListener
             except ImportError:
                 return False
-            self._buffer = Buffer()
-            self._listener = TransformListener(self._buffer, self._node)
+            self._buffer = Buffer()  # given the node it would clear itself, but the callback that does so raises
+            self._intake = _Intake(self._buffer)
+            self._listener = TransformListener(self._intake, self._node)
         return True
 
     def find(self, target: str, source: str, stamp_ns: int) -> NDArray[np.float64] | None:
@@ -49,8 +54,9 @@ class Transforms:
         It is that of `stamp_ns`. Where TF does not know that time (a robot's transforms may come later than its
         images) it is the newest, and `said` tells.
         """
-        if self._buffer is None or not target or not source:
+        if self._intake is None or not target or not source:
             return None
+        self._intake.follow(stamp_ns)
         found = self._at(target, source, stamp_ns)
         if found is None:
             found = self._at(target, source, 0)
@@ -75,6 +81,11 @@ class Transforms:
         with self._lock:
             self._notes.clear()
 
+    def clear(self) -> None:
+        """Forget all transforms but the static ones: time starts over."""
+        if self._intake is not None:
+            self._intake.clear()
+
     def _note(self, target: str, source: str, late_s: float) -> None:
         with self._lock:
             count = self._notes.get((target, source), (0, 0.0))[0]
@@ -98,6 +109,51 @@ class Transforms:
             self._broadcaster = TransformBroadcaster(self._node)
         self._broadcaster.sendTransform(transform)
         return True
+
+
+class _Intake:
+    """Stands between /tf and tf2's buffer, and clears it when stamps step back.
+
+    The buffer ignores what is older than the newest transform of its frame by more than it keeps (10 s): from the
+    second loop of a longer bag on, all that moves would stand where the bag ends. What is static outlives the
+    clearing (geometry2, tf2/src/static_cache.cpp). May be called from several threads.
+    """
+
+    def __init__(self, buffer: Any) -> None:
+        self._buffer = buffer
+        self._lock = threading.Lock()
+        self._newest: dict[str, int] = {}
+        self._frame_ns = 0
+
+    def set_transform(self, transform: Any, authority: str) -> None:
+        """Take a transform of /tf. Each frame has stamps of its own: some are sent late, some ahead of time."""
+        stamp_ns, frame = _stamp_ns(transform), transform.child_frame_id
+        with self._lock:
+            if stamp_ns < self._newest.get(frame, 0) - _BACK_NS:
+                self._clear()
+            self._newest[frame] = max(stamp_ns, self._newest.get(frame, 0))
+            self._buffer.set_transform(transform, authority)
+
+    def set_transform_static(self, transform: Any, authority: str) -> None:
+        """Take a transform of /tf_static."""
+        self._buffer.set_transform_static(transform, authority)
+
+    def follow(self, stamp_ns: int) -> None:
+        """Take the stamp of an image: the first of a loop may come before the transforms of its time."""
+        with self._lock:
+            back = stamp_ns < self._frame_ns - _BACK_NS
+            self._frame_ns = stamp_ns
+            if back and max(self._newest.values(), default=0) > stamp_ns + _BACK_NS:
+                self._clear()
+
+    def clear(self) -> None:
+        """Forget all but what is static."""
+        with self._lock:
+            self._clear()
+
+    def _clear(self) -> None:
+        self._newest.clear()
+        self._buffer.clear()
 
 
 def _stamp_ns(message: Any) -> int:
