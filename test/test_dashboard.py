@@ -11,6 +11,7 @@ import urllib.request
 from base64 import b64decode
 from collections.abc import Iterator
 from dataclasses import replace
+from http.client import HTTPConnection
 from http.server import ThreadingHTTPServer
 from types import SimpleNamespace
 from typing import Any
@@ -344,6 +345,63 @@ def test_without_plotly_the_extra_is_named(capsys: pytest.CaptureFixture[str], m
 
 def test_server_is_not_reachable_from_other_machines(server: ThreadingHTTPServer) -> None:
     assert server.server_address[0] == "127.0.0.1"
+
+
+def ask(server: ThreadingHTTPServer, *hosts: str, path: str = "/state.json") -> tuple[int, str]:
+    """Return status and content of the answer to a request with these Host headers."""
+    connection = HTTPConnection(HOST, server.server_address[1], timeout=5)
+    connection.putrequest("GET", path, skip_host=True)
+    for host in hosts:
+        connection.putheader("Host", host)
+    connection.endheaders()
+    answer = connection.getresponse()
+    content = answer.read().decode()
+    connection.close()
+    return answer.status, content
+
+
+@pytest.mark.parametrize("host", ["localhost", "LOCALHOST:80", "127.0.0.1", "127.0.0.1:8641", "[::1]", "[::1]:8641"])
+def test_names_of_this_machine_are_answered(server: ThreadingHTTPServer, host: str) -> None:
+    assert ask(server, host)[0] == 200
+
+
+@pytest.mark.parametrize("path", ["/", "/state.json", "/overlay.jpg", "/plotly.min.js", "/none"])
+def test_a_page_elsewhere_that_gives_its_name_our_address_gets_nothing(
+    board: Board, server: ThreadingHTTPServer, path: str
+) -> None:
+    """DNS rebinding: the browser takes it for one server with that page, and would let it read the answers."""
+    board.show(Room("a bedroom", overlay=b"jpeg"))
+    status, content = ask(server, "rebound.example:8641", path=path)
+    assert status == 403
+    assert content == (
+        "Host is 'rebound.example:8641'; allowed is localhost, 127.0.0.1 or [::1], with any port: "
+        "the page is for this machine alone\n"
+    )
+
+
+@pytest.mark.parametrize(
+    "hosts",
+    [
+        (),
+        ("",),
+        ("localhost.rebound.example",),
+        ("rebound.example@localhost",),
+        ("127.0.0.1.rebound.example:80",),
+        ("127x0x0x1",),
+        ("[::1",),
+        ("::1",),
+        ("localhost:",),
+        ("localhost:80:80",),
+        ("localhost", "rebound.example"),
+        ("local\xe9host",),
+    ],
+)
+def test_what_is_not_exactly_one_name_of_this_machine_is_refused(
+    server: ThreadingHTTPServer, hosts: tuple[str, ...]
+) -> None:
+    status, content = ask(server, *hosts)
+    assert status == 403
+    assert content.startswith(f"Host is {', '.join(hosts)!r}; allowed is ")
 
 
 @pytest.mark.dds

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import threading
 import time
+from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from typing import Any
@@ -17,6 +19,9 @@ from .dashboard_room import Room, state_of
 
 HOST = "127.0.0.1"
 """No other address: the page shows the inside of somebody's room."""
+
+# A page from elsewhere can give its own name our address (DNS rebinding), and read what we answer to that name.
+_OWN_NAME = re.compile(rf"(localhost|{re.escape(HOST)}|\[::1\])(:[0-9]+)?", re.IGNORECASE)
 
 
 class Board:
@@ -92,7 +97,16 @@ class _Handler(BaseHTTPRequestHandler):
     plotly: bytes
 
     def do_GET(self) -> None:
-        """Answer one request."""
+        """Answer one request, if it is to this machine by name."""
+        host = ", ".join(self.headers.get_all("Host", []))
+        if _OWN_NAME.fullmatch(host) is None:
+            allowed = f"localhost, {HOST} or [::1], with any port"
+            refusal = f"Host is {host!r}; allowed is {allowed}: the page is for this machine alone\n"
+            self._answer(refusal.encode(), "text/plain; charset=utf-8", HTTPStatus.FORBIDDEN)
+        else:
+            self._answer_this_machine()
+
+    def _answer_this_machine(self) -> None:
         number, frames, room = self.shown.look()
         url = urlsplit(self.path)
         if url.path == "/":
@@ -108,8 +122,8 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             self.send_error(404)
 
-    def _answer(self, content: bytes, kind: str) -> None:
-        self.send_response(200)
+    def _answer(self, content: bytes, kind: str, status: HTTPStatus = HTTPStatus.OK) -> None:
+        self.send_response(status)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(content)))
         self.send_header("Cache-Control", "no-store")
