@@ -58,8 +58,8 @@ def used_inputs(node: NodeConfig, estimator: EstimatorConfig) -> dict[str, bool]
     return {
         COLOR: estimator.use_color,
         DEPTH: estimator.use_depth,
-        CAMERA: not node.camera_file,
-        DEPTH_CAMERA: estimator.use_depth and not node.depth_registered,
+        CAMERA: not node.camera_file and (estimator.use_color or node.depth_registered),
+        DEPTH_CAMERA: not node.depth_camera_file and estimator.use_depth and not node.depth_registered,
     }
 
 
@@ -117,7 +117,8 @@ def assemble(
     """Return the frame of a pair.
 
     Its stamp is the depth image's, and so is its frame id, except where depth is registered here: then the
-    frame is the colour camera's, because the result lies there.
+    frame is the colour camera's, because the result lies there. Depth alone that is not registered is in the view
+    of the depth camera, and needs nothing of the colour camera.
 
     Raises
     ------
@@ -125,10 +126,11 @@ def assemble(
         not registered (sizes or frames of colour and depth differ), camera_info does not fit, bad depth unit,
         no camera_info, no transform.
     """
-    reading = cameras[CAMERA]
-    if reading is None:
-        raise RefusedError("no camera_info", "no camera_info has come yet; images cannot be used without it")
     color, depth = pair.color, pair.depth
+    of_depth = color is None and not node.depth_registered
+    reading = cameras[DEPTH_CAMERA if of_depth else CAMERA]
+    if reading is None:
+        raise _no_camera_info(" of the depth camera" if of_depth else "")
     if color is not None and depth is not None and not node.depth_registered:
         return _registered_here(pair.stamp_ns, color, depth, cameras, node, find)
     if color is not None and depth is not None:
@@ -140,6 +142,10 @@ def assemble(
     color_rgb = None if color is None else _decode_color(color)
     depth_m = None if depth is None else _decode_depth(depth)
     return RgbdFrame(reading.camera, color_rgb, depth_m, pair.stamp_ns, lead.frame_id)
+
+
+def _no_camera_info(whose: str) -> RefusedError:
+    return RefusedError("no camera_info", f"no camera_info{whose} has come yet; images cannot be used without it")
 
 
 def _check_registered(color: ImageItem, depth: ImageItem) -> None:

@@ -49,6 +49,11 @@ class NodeConfig:
     depth_registered: bool = setting(
         True, "depth comes in the view of the colour camera; false: register it here, with depth/camera_info"
     )
+    depth_camera_file: str = setting(
+        "",
+        "ROS camera calibration YAML used instead of depth/camera_info, with depth_registered false (empty: the topic)",
+        runtime=False,
+    )
     depth_to_color: str = setting(
         "", "pose of the depth camera in the colour camera's frame, 'x y z qx qy qz qw' (empty: from TF)"
     )

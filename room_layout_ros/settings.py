@@ -51,28 +51,31 @@ class Settings:
     Attributes
     ----------
     camera : from `camera_file`, in the place of camera_info; None where the topic is used.
+    depth_camera : the same of the depth camera, from `depth_camera_file`.
     """
 
     node: NodeConfig
     estimator: Estimator
     camera: CameraReading | None = None
+    depth_camera: CameraReading | None = None
 
     @classmethod
     def make(cls, config: EstimatorConfig, node: NodeConfig, make_estimator: MakeEstimator) -> Settings:
-        """Return the set; reads the calibration file.
+        """Return the set; reads the calibration files.
 
         Raises
         ------
         ValueError
-            When that is no calibration, or no stream is used.
+            When one is no calibration, or no stream is used.
         """
         check_streams(config)
-        return cls(node, make_estimator(config), _read_camera(Path(node.camera_file)) if node.camera_file else None)
+        cameras = (_read_camera(Path(f)) if f else None for f in (node.camera_file, node.depth_camera_file))
+        return cls(node, make_estimator(config), *cameras)
 
     def changed(self, config: EstimatorConfig, node: NodeConfig, make_estimator: MakeEstimator) -> Settings:
         """Return the set with other values; the estimator stays where its settings stay."""
         same = config == self.estimator.config
-        return Settings(node, self.estimator if same else make_estimator(config), self.camera)
+        return Settings(node, self.estimator if same else make_estimator(config), self.camera, self.depth_camera)
 
     def used(self) -> dict[str, bool]:
         """Return which streams are needed."""

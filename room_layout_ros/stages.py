@@ -23,7 +23,7 @@ from .outputs import OUTPUTS
 from .publications import Publications
 from .runtime.health import NO_DEPTH, NO_FLOOR, NOT_USED, FloorOutcome
 from .runtime.pairing import Pair
-from .runtime.session import RefusedError
+from .runtime.session import DEPTH_CAMERA, RefusedError
 from .runtime.warm_up import warm_up_frame
 from .scene import Scene
 from .settings import Settings
@@ -57,6 +57,8 @@ class NodeStages:
     def warm_up(self, settings: Settings) -> None:
         """Run one made-up frame through everything."""
         self._node.get_logger().info("warming up (compiles the first time)")
+        if settings.depth_camera is not None and settings.depth_camera.warning:
+            self._node.get_logger().warning(settings.depth_camera.warning)
         start = time.monotonic()
         cv2.setNumThreads(1)  # OpenCV's pool only steals the core of the callbacks
         frame = warm_up_frame()
@@ -70,6 +72,8 @@ class NodeStages:
         self, pair: Pair[ImageItem], cameras: Mapping[str, CameraReading | None], settings: Settings
     ) -> RgbdFrame:
         """Decode a pair."""
+        if settings.depth_camera is not None:
+            cameras = {**cameras, DEPTH_CAMERA: settings.depth_camera}
         frame = assemble(pair, cameras, settings.node, self._transforms.find)
         if frame.frame_id and frame.frame_id == settings.node.floor_frame:
             raise RefusedError(

@@ -25,6 +25,7 @@ from room_frames import CAMERA, FRAME_ID, room_frame, room_images, stamp_ns
 from msg_adapters import messages
 from msg_adapters.encode_image import encode_image, pack_bytes
 from msg_adapters.header import encode_header
+from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.registration import register_depth
 from room_layout_ros.datasets.calibration import CameraCalibration, write_calibration
 from room_layout_ros.node_config import parse_pose
@@ -157,8 +158,6 @@ def depth_info(i: int) -> Any:
 
 
 def registered(i: int, pose: str) -> NDArray[np.float32]:
-    from room_layout_ros.core.frame import CameraIntrinsics
-
     half = CameraIntrinsics(320, 240, CAMERA.fx / 2, CAMERA.fy / 2, CAMERA.cx / 2, CAMERA.cy / 2)
     mm = room_images(i)[1][::2, ::2]
     depth_m = mm.astype(np.float32) * np.float32(0.001)
@@ -182,6 +181,73 @@ def test_unregistered_depth_is_registered_by_the_pose_that_is_given() -> None:
         frame = bench.estimators[0].frames[-1]
         assert (frame.frame_id, frame.camera, frame.stamp_ns) == (FRAME_ID, CAMERA, stamp_ns(0))
         np.testing.assert_array_equal(frame.depth_m, registered(0, POSE))
+
+
+def own_view(bench: Bench, streams: tuple[str, ...]) -> None:
+    """Listen to ~/labels; the node subscribes `streams` alone."""
+    bench.listen("estimator/labels", messages.Image)
+    bench.until(lambda: all(bench.cameras[s].get_subscription_count() for s in streams))
+    bench.spin(0.2)
+    assert {s for s, camera in bench.cameras.items() if camera.get_subscription_count()} == set(streams)
+
+
+OWN_VIEW: dict[str, Any] = {"use_color": False, "depth_registered": False}
+DEPTH_CAMERA = replace(CAMERA, fx=380.0, fy=380.0)
+"""Of depth in its own view: another than the colour camera's (fx 525)."""
+
+
+def test_depth_alone_in_its_own_view_has_the_depth_cameras_intrinsics() -> None:
+    with running(**OWN_VIEW) as bench:
+        bench.cameras["depth_camera_info"] = bench.camera("depth_camera_info", QoSProfile(depth=10))
+        own_view(bench, ("depth", "depth_camera_info"))
+        bench.send(0, color=False, depth=encode_image(room_images(0)[1], stamp_ns(0), DEPTH_FRAME))
+        bench.until(lambda: bench.said("estimates", "no camera_info of the depth camera has come yet"))
+        info = camera_info(stamp_ns(1))
+        info.k = [380.0, 0.0, CAMERA.cx, 0.0, 380.0, CAMERA.cy, 0.0, 0.0, 1.0]
+        info.p = [380.0, 0.0, CAMERA.cx, 0.0, 0.0, 380.0, CAMERA.cy, 0.0, 0.0, 0.0, 1.0, 0.0]
+        bench.cameras["depth_camera_info"].publish(info)
+        bench.until(lambda: bench.health().streams["depth_camera_info"].received)
+        bench.send(1, color=False, depth=encode_image(room_images(1)[1], stamp_ns(1), DEPTH_FRAME))
+        bench.until(lambda: bench.labels_of(1))
+        frame = bench.estimators[0].frames[-1]
+        assert (frame.camera, frame.frame_id, frame.color) == (DEPTH_CAMERA, DEPTH_FRAME, None)
+        np.testing.assert_array_equal(frame.depth_m, room_frame(1).depth_m)
+        assert bench.diagnosis()["input camera_info"] == (0, "camera_info is not used (parameter)")
+
+
+def test_a_calibration_file_takes_the_place_of_the_depth_cameras_camera_info(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "depth.yaml"
+    bent = replace(CameraCalibration.from_intrinsics(DEPTH_CAMERA), D=(0.1, 0.0, 0.0, 0.0, 0.0))
+    write_calibration(path, bent)
+    with running(depth_camera_file=str(path), **OWN_VIEW) as bench:
+        own_view(bench, ("depth",))
+        bench.send(0, color=False, info=False)
+        bench.until(lambda: bench.labels_of(0))
+        assert bench.estimators[0].frames[-1].camera == DEPTH_CAMERA
+    assert f"{path} {BENT}" in capfd.readouterr().err
+
+
+def test_depth_is_registered_by_the_calibration_files_of_both_cameras(tmp_path: Path) -> None:
+    color, depth = tmp_path / "color.yaml", tmp_path / "depth.yaml"
+    half = CameraIntrinsics(320, 240, CAMERA.fx / 2, CAMERA.fy / 2, CAMERA.cx / 2, CAMERA.cy / 2)
+    write_calibration(color, CameraCalibration.from_intrinsics(CAMERA))
+    write_calibration(depth, CameraCalibration.from_intrinsics(half))
+    files = {"camera_file": str(color), "depth_camera_file": str(depth)}
+    with running(depth_registered=False, depth_to_color=POSE, **files) as bench:
+        own_view(bench, ("color", "depth"))
+        bench.send(0, depth=unregistered(0), info=False)
+        bench.until(lambda: bench.labels_of(0))
+        frame = bench.estimators[0].frames[-1]
+        assert frame.camera == CAMERA
+        np.testing.assert_array_equal(frame.depth_m, registered(0, POSE))
+
+
+def test_a_depth_camera_file_that_is_none_ends_the_start_in_one_sentence(tmp_path: Path) -> None:
+    missing = tmp_path / "none.yaml"
+    with pytest.raises(ValueError, match=r"none\.yaml is missing"), running(depth_camera_file=str(missing)):
+        pass
 
 
 def test_unregistered_depth_without_a_transform_is_refused_with_both_frames() -> None:
