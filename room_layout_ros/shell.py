@@ -34,6 +34,11 @@ _LISTENER_PERIOD_S = 0.1
 _EXIT_S = 1.0
 """The process must be out two seconds after the signal; a frame in hand gets this long."""
 
+_JUMP = "jump of the clock"
+"""The cause under which a session complains of stamps that jump."""
+_JUMP_PERIOD_S = 600.0
+"""A short bag that loops jumps every few seconds, and nothing is wrong with it."""
+
 
 class Shell:
     """What the plain and the lifecycle node have in common.
@@ -44,7 +49,7 @@ class Shell:
 
     def __init__(self, node: Any, make_estimator: MakeEstimator) -> None:
         self._node, self._make_estimator = node, make_estimator
-        self._throttle = Throttle()
+        self._throttle, self._jump_throttle = Throttle(), Throttle(_JUMP_PERIOD_S)
         parameters.declare(node, (EstimatorConfig, NodeConfig))
         config, own = parameters.read(node, EstimatorConfig), parameters.read(node, NodeConfig)
         self._settings = Settings.make(config, own, make_estimator)
@@ -110,10 +115,15 @@ class Shell:
         return not self._late
 
     def complain(self, cause: str, sentence: str) -> None:
-        """Log, at most one line per second and cause."""
-        held = self._throttle.due(cause)
-        if held is not None and ok(context=self._node.context):
-            self._node.get_logger().error(f"{sentence} [{held} more]" if held else sentence)
+        """Log, at most one line per second and cause; a jump of the clock is a warning every ten minutes."""
+        held = (self._jump_throttle if cause == _JUMP else self._throttle).due(cause)
+        if held is None or not ok(context=self._node.context):
+            return
+        line = f"{sentence} [{held} more]" if held else sentence
+        if cause == _JUMP:
+            self._node.get_logger().warning(f"{line} (resets on /diagnostics counts every jump)")
+        else:
+            self._node.get_logger().error(line)
 
     # ---- callbacks
 
@@ -183,7 +193,7 @@ class Shell:
         self._transforms.clear()
         if self._session is not None and self._inputs:
             back_s = -jump.delta.nanoseconds * 1e-9
-            self.complain("jump of the clock", f"/clock jumped back by {back_s:.1f} s; starting afresh")
+            self.complain(_JUMP, f"/clock jumped back by {back_s:.1f} s; starting afresh")
             self._session.reset()
 
     # ---- what is going on
