@@ -10,7 +10,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,11 +25,17 @@ from room_layout_ros.datasets.convert import calibration_of
 from room_layout_ros.datasets.images import depth_to_millimetres
 from room_layout_ros.datasets.writers import fits_millimetres
 
+FRAME_TOPICS = (topics.COLOR_TOPIC, topics.COLOR_INFO_TOPIC, topics.DEPTH_TOPIC)
+"""Where frames go that are not of a bag."""
+
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _QUEUE_DEPTH = 10
 _CLOCK_STEP_S = 0.01
 _SETTLE_S = 0.2
 """Our count of subscribers says that we have found them; they may take this long to find us."""
+
+_NAMED = 20
+"""So many topics a refusal names."""
 
 _LAST_WORDS_S = 0.3
 """After the last message the readers get this long to fetch it."""
@@ -311,8 +317,28 @@ class _Player:
         self._clock.publish(message)
 
 
+def resolve(topic: str) -> str:
+    """Return a topic's full name, as a node without a namespace resolves it."""
+    return topic if topic.startswith(("/", "~")) else f"/{topic}"
+
+
+def require_topics(option: str, wanted: Iterable[str], there: Collection[str], where: str) -> None:
+    """Refuse full names of topics that are not there: a misspelt one would play silence.
+
+    Raises
+    ------
+    DataError
+        With the topics that are there.
+    """
+    for topic in wanted:
+        if topic not in there:
+            names = ", ".join(sorted(there)[:_NAMED]) or "none"
+            rest = f" and {len(there) - _NAMED} more" if len(there) > _NAMED else ""
+            raise DataError(f"{option}: there is no topic {topic} {where}; there are {names}{rest}")
+
+
 def parse_remappings(words: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    """Return pairs of FROM:=TO words.
+    """Return pairs of FROM:=TO words, as full names.
 
     Raises
     ------
@@ -324,5 +350,5 @@ def parse_remappings(words: Sequence[str]) -> tuple[tuple[str, str], ...]:
         source, separator, target = word.partition(":=")
         if not separator or not source or not target:
             raise DataError(f"--remap {word}: FROM:=TO is needed")
-        pairs.append((source, target))
+        pairs.append((resolve(source), resolve(target)))
     return tuple(pairs)

@@ -8,13 +8,25 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections import Counter
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.datasets import DataError, open_source
 from room_layout_ros.datasets.bag import open_reader
 from room_layout_ros.datasets.source import is_bag
-from room_layout_ros.playback import PlayOptions, bag_stream, frame_stream, parse_remappings, play
+from room_layout_ros.playback import (
+    FRAME_TOPICS,
+    PlayOptions,
+    RawMessage,
+    bag_stream,
+    frame_stream,
+    parse_remappings,
+    play,
+    require_topics,
+    resolve,
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,21 +60,31 @@ def run(arguments: argparse.Namespace) -> int:
     )
     if not arguments.input.exists():
         raise DataError(f"{arguments.input} does not exist; give a rosbag2, a frames folder or an NYU .mat file")
-    total: int | None
     if is_bag(arguments.input):
-        only = set(arguments.topics) if arguments.topics else None
-        read, total = bag_stream(arguments.input, only), _message_count(arguments.input, only)
+        read, total = _of_bag(arguments.input, [resolve(topic) for topic in arguments.topics or ()], options)
     else:
         source = open_source(arguments.input)
-        read, total = frame_stream(source), None if source.length is None else 3 * source.length
+        require_topics("--remap", _sources(options), FRAME_TOPICS, f"in {arguments.input}")
+        read, total = frame_stream(source), 3 * (source.length or 0)
     loops = options.loops
-    with progress_bar("play", total * loops if total and loops else None, "message") as progress:
+    with progress_bar("play", total * loops or None, "message") as progress:
         result = play(read, options, progress)
     told = ", ".join(f"{topic} {count}" for topic, count in sorted(result.counts.items()))
     print(f"{'stopped after' if result.interrupted else 'played'}: {told or 'nothing'}", file=sys.stderr)
     return 0
 
 
-def _message_count(path: Path, only: set[str] | None) -> int:
+def _of_bag(path: Path, only: list[str], options: PlayOptions) -> tuple[Callable[[], Iterator[RawMessage]], int]:
+    """Return the stream of a bag, of the topics in `only` if there are any, and its number of messages."""
     with open_reader(path) as reader:
-        return sum(c.msgcount for c in reader.connections if only is None or c.topic in only)
+        counts = Counter({c.topic: 0 for c in reader.connections})
+        for connection in reader.connections:
+            counts[connection.topic] += connection.msgcount
+    require_topics("--topics", only, counts, f"in {path}")
+    played = set(only) or set(counts)
+    require_topics("--remap", _sources(options), played, "among the --topics" if only else f"in {path}")
+    return bag_stream(path, played), sum(counts[topic] for topic in played)
+
+
+def _sources(options: PlayOptions) -> list[str]:
+    return [source for source, _ in options.remappings]
