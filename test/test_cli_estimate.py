@@ -96,6 +96,30 @@ def test_a_line_tells_what_the_estimator_told(walk: Path, result: Path) -> None:
     np.testing.assert_array_equal(layout, estimate.layout)
 
 
+def test_a_bag_without_camera_info_is_estimated_with_a_calibration_file(
+    walk: Path, result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("rosbags", reason="rosbags is not installed (extra playback)")
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    from room_layout_ros.datasets import bag_messages as messages
+
+    frame = next(iter(good_samples(open_source(walk)))).frame
+    assert frame.color is not None
+    assert frame.depth_m is not None
+    bag, mm = tmp_path / "bag", np.nan_to_num(np.rint(frame.depth_m * 1000)).astype(np.uint16)
+    with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic, pixels, encoding in (("/rgb/image", frame.color, "rgb8"), ("/depth/image", mm, "16UC1")):
+            connection = writer.add_connection(topic, messages.IMAGE, typestore=messages.typestore())
+            writer.write(connection, 5, messages.encode_image_message(pixels, encoding, 5, "optical"))
+    command = ["estimate", str(bag), "--out", str(tmp_path / "out")]
+    assert main(command) == 2
+    assert "give a calibration file with --camera" in capsys.readouterr().err
+    assert main([*command, "--camera", str(walk / "camera.yaml")]) == 0
+    (line,) = lines_of(tmp_path / "out")
+    assert line["plane_distances_m"] == lines_of(result)[0]["plane_distances_m"]
+
+
 def test_a_bound_that_is_not_computed_is_null(walk: Path, result: Path, tmp_path: Path) -> None:
     assert main(["estimate", str(walk), "--out", str(tmp_path), "--set", "joint_bound=false"]) == 0
     for line, proved in zip(lines_of(tmp_path), lines_of(result), strict=True):

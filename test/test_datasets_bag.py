@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from room_layout_ros.datasets import (
 )
 from room_layout_ros.datasets import bag_messages as messages
 from room_layout_ros.datasets.bag_topics import choose_topics
+from room_layout_ros.datasets.calibration import write_calibration
 from room_layout_ros.datasets.convert import calibration_of, copy_frames
 from room_layout_ros.datasets.readable import ReadablePart
 from room_layout_ros.datasets.writers import STORAGES, BagWriter, FolderWriter
@@ -101,8 +103,6 @@ def assert_some_equal(actual: list[Sample], expected: list[Sample]) -> None:
 
 
 def test_depth_finer_than_a_millimetre_is_kept_in_bags(tmp_path: Path, rng: np.random.Generator) -> None:
-    from dataclasses import replace
-
     (sample,) = make_samples(1, rng)
     fine = rng.uniform(0.5, 5.0, (48, 64)).astype(np.float32)
     write_bag(tmp_path / "bag", [replace(sample, frame=replace(sample.frame, depth_m=fine))])
@@ -304,6 +304,62 @@ def test_two_equal_cameras_are_not_guessed() -> None:
     assert choose_topics(two, color_topic="/front/color/image_raw").info == "/front/color/camera_info"
     with pytest.raises(DataError, match="no image topic /nose"):
         choose_topics(two, color_topic="/nose")
+
+
+def without_info(tmp_path: Path) -> Path:
+    items = [("/rgb/image", IMAGE, s, color_at(s)) for s in (1, 2)]
+    return write_raw(tmp_path / "bag", items + [("/depth_registered/image", IMAGE, s, depth_at(s)) for s in (1, 2)])
+
+
+def test_a_bag_without_camera_info_is_read_with_a_calibration_file(tmp_path: Path) -> None:
+    bag, file = without_info(tmp_path), tmp_path / "camera.yaml"
+    for open_it in (lambda: open_source(bag), lambda: choose_topics({"/rgb/image": IMAGE})):
+        with pytest.raises(DataError, match=r"no camera_info belongs to .* give a calibration file with --camera"):
+            open_it()
+    calibration = CameraCalibration.from_intrinsics(SMALL)
+    write_calibration(file, calibration)
+    source = open_source(bag, camera=file)
+    assert [s.frame.camera for s in good_samples(source)] == [SMALL, SMALL]
+    assert calibration_of(source) == calibration
+
+
+def test_a_calibration_file_takes_the_place_of_the_bags_camera_info(tmp_path: Path) -> None:
+    other = replace(SMALL, fx=SMALL.fx + 7.0)
+    file = tmp_path / "camera.yaml"
+    write_calibration(file, CameraCalibration.from_intrinsics(other))
+    items = [("/rgb/camera_info", INFO, 1, info_at(1)), ("/rgb/image", IMAGE, 1, color_at(1))]
+    bag = write_raw(tmp_path / "bag", items)
+    (sample,) = good_samples(open_source(bag, camera=file))
+    assert sample.frame.camera == other
+    with pytest.raises(DataError, match="takes the place of the camera_info; name no topic of one besides"):
+        open_source(bag, camera=file, color_info_topic="/rgb/camera_info")
+    with pytest.raises(DataError, match=r"none\.yaml is missing"):
+        open_source(bag, camera=tmp_path / "none.yaml")
+
+
+def test_a_topic_of_camera_info_that_is_empty_names_the_option(tmp_path: Path) -> None:
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        image, _ = (
+            writer.add_connection(topic, kind, typestore=messages.typestore())
+            for topic, kind in (("/rgb/image", IMAGE), ("/rgb/camera_info", INFO))
+        )
+        writer.write(image, 1, color_at(1))
+    with pytest.raises(DataError, match=r"the camera is unknown \(give a calibration file with --camera"):
+        list(open_source(tmp_path / "bag"))
+
+
+def test_convert_takes_the_calibration_file_on_the_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag, file, out = without_info(tmp_path), tmp_path / "camera.yaml", tmp_path / "folder"
+    write_calibration(file, CameraCalibration.from_intrinsics(SMALL))
+    assert main(["convert", str(bag), str(out), "--camera", str(file)]) == 0
+    assert [s.frame.camera for s in good_samples(open_source(out))] == [SMALL, SMALL]
+    capsys.readouterr()
+    assert main(["convert", str(out), str(tmp_path / "b"), "--camera", str(file)]) == 2
+    assert "--camera is for a bag" in capsys.readouterr().err
 
 
 def image_message(pixels: np.ndarray[Any, Any], encoding: str, step: int, big: int, data: bytes) -> Any:

@@ -234,7 +234,7 @@ def test_depth_is_registered_by_the_calibration_files_of_both_cameras(tmp_path: 
     half = CameraIntrinsics(320, 240, CAMERA.fx / 2, CAMERA.fy / 2, CAMERA.cx / 2, CAMERA.cy / 2)
     write_calibration(color, CameraCalibration.from_intrinsics(CAMERA))
     write_calibration(depth, CameraCalibration.from_intrinsics(half))
-    files = {"camera_file": str(color), "depth_camera_file": str(depth)}
+    files: dict[str, Any] = {"camera_file": str(color), "depth_camera_file": str(depth)}
     with running(depth_registered=False, depth_to_color=POSE, **files) as bench:
         own_view(bench, ("color", "depth"))
         bench.send(0, depth=unregistered(0), info=False)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from room_layout_ros.datasets import FrameSource, open_source
+from room_layout_ros.datasets import DataError, FrameSource, open_source
+from room_layout_ros.datasets.source import is_bag
 
 _OPTIONS = ("color_topic", "depth_topic", "color_info_topic", "depth_info_topic")
 
@@ -22,6 +23,12 @@ def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
         help="pair colour and depth up to this far apart (default 0.02)",
     )
     group.add_argument(
+        "--camera",
+        type=Path,
+        metavar="FILE",
+        help="ROS camera calibration YAML in the place of the bag's camera_info, for a bag without",
+    )
+    group.add_argument(
         "--assume-registered", action="store_true", help="depth is registered to colour though their frame ids differ"
     )
 
@@ -34,12 +41,22 @@ def add_recover_argument(parser: argparse.ArgumentParser) -> None:
 
 
 def open_with_topics(path: Path, arguments: argparse.Namespace, recover: bool = False) -> FrameSource:
-    """Open an input with the topic options of the command line; `recover` reads on behind damaged parts of a bag."""
+    """Open an input with the topic options of the command line; `recover` reads on behind damaged parts of a bag.
+
+    Raises
+    ------
+    DataError
+        See `open_source`; also where `--camera` is given for an input that is no bag.
+    """
     options: dict[str, object] = {n: getattr(arguments, n) for n in _OPTIONS if getattr(arguments, n) is not None}
     if arguments.max_stamp_gap is not None:
         options["max_stamp_gap_ns"] = round(arguments.max_stamp_gap * 1e9)
     if arguments.assume_registered:
         options["assume_registered"] = True
+    if arguments.camera is not None:
+        if path.exists() and not is_bag(path):
+            raise DataError(f"--camera is for a bag, and {path} is none; a frames folder or .mat has its own camera")
+        options["camera"] = arguments.camera
     if recover:
         options["recover"] = True
     return open_source(path, **options)

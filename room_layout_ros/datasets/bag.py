@@ -17,7 +17,7 @@ from room_layout_ros.core.labels import N_FACES
 from . import bag_messages as messages
 from .bag_recovery import RawMessage, messages_around_damage
 from .bag_topics import CLASSES_TOPIC, LAYOUT_TOPIC, POSE_TOPIC, TRUTH_TYPES, BagTopics, choose_topics
-from .calibration import CameraCalibration
+from .calibration import CameraCalibration, read_calibration
 from .errors import DataError
 from .sample import MAX_NYU40, BadFrame, FrameTruth, Sample
 
@@ -118,6 +118,8 @@ class BagSource:
     max_stamp_gap_ns: int
     assume_registered: bool = False
     recover: bool = False
+    camera: CameraCalibration | None = None
+    """In the place of the camera_info, which is not read then."""
 
     @property
     def title(self) -> str:
@@ -140,7 +142,7 @@ class BagSource:
         """
         wanted = {
             *self.topics.images,
-            self.topics.info,
+            *((self.topics.info,) if self.topics.info else ()),
             *(t for t in TRUTH_TYPES if self.types.get(t) == TRUTH_TYPES[t]),
         }
         with open_reader(self.path) as reader:
@@ -159,14 +161,19 @@ class BagSource:
                 raise damage
 
     def first_calibration(self) -> CameraCalibration:
-        """Return the first calibration in the bag."""
+        """Return the calibration that was given, else the first in the bag."""
         with open_reader(self.path) as reader:
             return self._calibration(reader)
 
     def _calibration(self, reader: Reader) -> CameraCalibration:
-        for connection, _, raw in raw_messages(reader, {self.topics.info}, self.path, self.recover):
+        if self.camera is not None:
+            return self.camera
+        for connection, _, raw in raw_messages(reader, {self.topics.info or ""}, self.path, self.recover):
             return messages.decode_calibration(messages.decode(raw, connection.msgtype))
-        raise DataError(f"{self.path} has no message on {self.topics.info}; the camera is unknown")
+        raise DataError(
+            f"{self.path} has no message on {self.topics.info}; the camera is unknown "
+            "(give a calibration file with --camera)"
+        )
 
 
 @dataclass(slots=True)
@@ -272,6 +279,7 @@ def open_bag(
     max_stamp_gap_ns: int = 20_000_000,
     assume_registered: bool = False,
     recover: bool = False,
+    camera: Path | None = None,
     **topics: str,
 ) -> BagSource:
     """Open a rosbag2 as a source of frames.
@@ -284,23 +292,28 @@ def open_bag(
         Believe that depth is registered to colour although their frame ids differ.
     recover : bool
         Read on behind damaged parts; the loss is the error at the end.
+    camera : path, optional
+        ROS camera calibration YAML that takes the place of the bag's camera_info.
     **topics
         color_topic, depth_topic, color_info_topic, depth_info_topic: see `choose_topics`.
 
     Raises
     ------
     DataError
-        When the bag is damaged or its topics cannot be told.
+        When the bag is damaged, its topics cannot be told, `camera` is no calibration, or a camera_info is named too.
     """
+    if camera is not None and not {"color_info_topic", "depth_info_topic"}.isdisjoint(topics):
+        raise DataError(f"--camera {camera} takes the place of the camera_info; name no topic of one besides")
+    calibration = None if camera is None else read_calibration(camera)
     with open_reader(path) as reader:
         types = {c.topic: c.msgtype for c in reader.connections}
         counts: dict[str, int] = {}
         for c in reader.connections:
             counts[c.topic] = counts.get(c.topic, 0) + c.msgcount
         names = _names(reader)
-    chosen = choose_topics(types, **topics)
+    chosen = choose_topics(types, **topics, needs_info=calibration is None)
     count = counts[chosen.depth or chosen.color or ""]
-    return BagSource(path, chosen, types, count, names, max_stamp_gap_ns, assume_registered, recover)
+    return BagSource(path, chosen, types, count, names, max_stamp_gap_ns, assume_registered, recover, calibration)
 
 
 def _names(reader: Reader) -> dict[int, str]:

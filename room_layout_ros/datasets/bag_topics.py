@@ -25,7 +25,7 @@ class BagTopics:
 
     color: str | None
     depth: str | None
-    info: str
+    info: str | None
 
     @property
     def images(self) -> tuple[str, ...]:
@@ -39,6 +39,7 @@ def choose_topics(
     depth_topic: str | None = None,
     color_info_topic: str | None = None,
     depth_info_topic: str | None = None,
+    needs_info: bool = True,
 ) -> BagTopics:
     """Choose the topics by name and type; what the caller names is taken as it is.
 
@@ -46,6 +47,8 @@ def choose_topics(
     ----------
     types : mapping
         Message type by topic.
+    needs_info : bool
+        False where the camera is known from elsewhere: no camera_info is chosen.
 
     Raises
     ------
@@ -61,6 +64,8 @@ def choose_topics(
     color = color_topic or _best("colour", [t for t in images if t not in depths and t != depth], _COLOR_HINTS)
     if not color and not depth:
         raise DataError(f"the bag has no colour or depth images; its topics are {_listed(list(types))}")
+    if not needs_info:
+        return BagTopics(color, depth, None)
     infos = [t for t, kind in types.items() if kind == CAMERA_INFO]
     info = (color_info_topic or depth_info_topic) if color else (depth_info_topic or color_info_topic)
     if info and info not in infos:
@@ -95,7 +100,8 @@ def _info(color: str | None, depth: str | None, infos: list[str]) -> str:
     if len(infos) == 1:
         return infos[0]
     raise DataError(
-        f"no camera_info belongs to {color or depth}; the bag has {_listed(infos)} (choose with --color-info-topic)"
+        f"no camera_info belongs to {color or depth}; the bag has {_listed(infos)} "
+        "(choose with --color-info-topic, or give a calibration file with --camera)"
     )
 
 
