@@ -95,10 +95,19 @@ class NodeConfig:
                 parse_pose(pose)
         for name in ("floor_frame", "robot_frame"):
             _check_frame(name, getattr(self, name))
+        if self.floor_frame and self.floor_frame == self.robot_frame:
+            raise ValueError(
+                f"floor_frame is {self.floor_frame[:80]!r}, which is robot_frame too; the floor below the camera needs "
+                "a frame of its own"
+            )
         if self.max_stamp_gap >= self.reset_gap:
             raise ValueError(
                 f"max_stamp_gap is {self.max_stamp_gap} s; it must be below reset_gap, which is {self.reset_gap} s"
             )
+
+    def floor_below(self, camera_frame: str) -> str:
+        """Return the name of the frame on the floor below a camera."""
+        return self.floor_frame or f"{camera_frame}_floor"
 
 
 def _check_frame(name: str, frame: str) -> None:

@@ -60,4 +60,4 @@ class Scene:
     @property
     def floor_frame(self) -> str:
         """Name of the frame on the floor below the camera."""
-        return self.node.floor_frame or f"{self.frame.frame_id}_floor"
+        return self.node.floor_below(self.frame.frame_id)

@@ -75,10 +75,17 @@ class NodeStages:
         if settings.depth_camera is not None:
             cameras = {**cameras, DEPTH_CAMERA: settings.depth_camera}
         frame = assemble(pair, cameras, settings.node, self._transforms.find)
-        if frame.frame_id and frame.frame_id == settings.node.floor_frame:
+        floor = settings.node.floor_below(frame.frame_id)
+        if floor == frame.frame_id:
             raise RefusedError(
                 "floor_frame is the camera's",
-                f"floor_frame is {frame.frame_id[:80]!r}, which is the camera's own frame; the floor needs another",
+                f"floor_frame is {floor[:80]!r}, which is the camera's own frame; the floor needs another",
+            )
+        if frame.frame_id and floor == settings.node.robot_frame:
+            raise RefusedError(
+                "floor_frame is the robot's",
+                f"floor_frame is empty, so the floor's frame is {floor[:80]!r}, which is robot_frame too; "
+                "the floor below the camera needs a frame of its own: set floor_frame",
             )
         return frame
 

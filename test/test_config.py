@@ -82,6 +82,15 @@ def test_the_nearest_depth_lies_before_the_farthest() -> None:
         EstimatorConfig(min_depth_m=5.0, max_depth_m=1.0)
 
 
+def test_the_lowest_obstacle_is_lower_than_the_robot() -> None:
+    sentence = r"^obstacle_min_height_m is 0\.2 m; it must be below robot_height_m, which is 0\.2 m$"
+    with pytest.raises(ValueError, match=sentence):
+        EstimatorConfig(obstacle_min_height_m=0.2, robot_height_m=0.2)
+    with pytest.raises(ValueError, match=r"^obstacle_min_height_m is 0\.5 m"):
+        dataclasses.replace(EstimatorConfig(obstacle_min_height_m=0.5), robot_height_m=0.4)
+    assert EstimatorConfig(obstacle_min_height_m=0.1, robot_height_m=0.2).robot_height_m == 0.2
+
+
 def test_a_grid_that_would_take_seconds_and_gigabytes_is_refused() -> None:
     fine: dict[str, Any] = {"free_space_resolution_m": 0.01, "free_space_forward_m": 30.0}
     sentence = "free_space_resolution_m is 0.01 m for a grid of 30.0 m x 60.0 m: 18000000 cells; at most 4000000"

@@ -363,6 +363,30 @@ def test_the_cameras_own_frame_is_no_floor_frame() -> None:
         bench.expect(1)
 
 
+def test_the_robots_frame_is_no_floor_frame_at_the_start_and_while_it_runs() -> None:
+    with pytest.raises(ValueError, match="which is robot_frame too"), running(floor_frame="base_footprint"):
+        pass
+    with (
+        pytest.raises(ValueError, match="must be below robot_height_m"),
+        running(robot_height_m=0.1, obstacle_min_height_m=0.1),
+    ):
+        pass
+    with running() as bench:
+        for values, words in (
+            ({"floor_frame": "base_footprint"}, "floor_frame is 'base_footprint', which is robot_frame too"),
+            ({"robot_height_m": 0.1, "obstacle_min_height_m": 0.1}, "must be below robot_height_m, which is 0.1 m"),
+        ):
+            result = bench.node.set_parameters_atomically([Parameter(n, value=v) for n, v in values.items()])
+            assert not result.successful
+            assert words in result.reason
+        assert bench.node.get_parameter("floor_frame").value == ""
+        assert bench.node.set_parameters([Parameter("robot_frame", value=f"{FRAME_ID}_floor")])[0].successful
+        bench.connect()
+        bench.send(0)
+        bench.until(lambda: bench.said("estimates", f"the floor's frame is '{FRAME_ID}_floor', which is robot_frame"))
+        assert not bench.labels_of(0)
+
+
 def test_images_without_a_frame_id_are_named() -> None:
     with running() as bench:
         bench.connect()

@@ -48,6 +48,15 @@ def test_settings_at_odds_are_refused() -> None:
         NodeConfig(max_stamp_gap=0.6)
 
 
+@pytest.mark.parametrize("robot", ("base_footprint", "base_link"))
+def test_the_floor_frame_is_not_the_robots(robot: str) -> None:
+    """Else the robot's frame would get the camera as a second parent."""
+    with pytest.raises(ValueError, match=f"^floor_frame is '{robot}', which is robot_frame too; the floor below the"):
+        NodeConfig(floor_frame=robot, robot_frame=robot)
+    assert NodeConfig(floor_frame="base_footprint", robot_frame="base_link").floor_frame == "base_footprint"
+    assert NodeConfig(robot_frame="").floor_frame == "", "neither is given"
+
+
 @pytest.mark.parametrize("name", ("floor_frame", "robot_frame"))
 @pytest.mark.parametrize("frame", ("/a/b", "with space", "a\n", "/", "z\u00fcrich"))
 def test_a_frame_that_tf_would_not_take_is_refused(name: str, frame: str) -> None:
@@ -97,6 +106,7 @@ class TestRos:
             ({"queue_size": True}, "must be of type int"),
             ({"diagnostics_period": 2.0}, "fixed after the start"),
             ({"queue_size": 5, "max_stamp_gap": 0.9}, "below reset_gap"),
+            ({"floor_frame": "base_footprint"}, "which is robot_frame too"),
         ),
     )
     def test_f33_what_is_wrong_is_refused_with_the_reason(self, values: dict[str, Any], reason: str) -> None:

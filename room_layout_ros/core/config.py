@@ -70,8 +70,8 @@ class EstimatorConfig:
     Raises
     ------
     ValueError
-        When a value is of the wrong type or out of its bounds, the nearest depth is not before the farthest, or the
-        free-space grid has too many cells.
+        When a value is of the wrong type or out of its bounds, the nearest depth is not before the farthest, the
+        lowest obstacle is not lower than the robot, or the free-space grid has too many cells.
     """
 
     use_color: bool = _p(True, "use the colour image (false: depth-only operation)")
@@ -154,6 +154,11 @@ class EstimatorConfig:
         if self.min_depth_m >= self.max_depth_m:
             raise ValueError(
                 f"min_depth_m is {self.min_depth_m} m and max_depth_m {self.max_depth_m} m; the first must be less"
+            )
+        if self.obstacle_min_height_m >= self.robot_height_m:
+            raise ValueError(
+                f"obstacle_min_height_m is {self.obstacle_min_height_m} m; "
+                f"it must be below robot_height_m, which is {self.robot_height_m} m"
             )
         self._check_grid()
 
