@@ -112,9 +112,12 @@ OUTPUTS = (
     Output("~/overlay", messages.Image, 1, _overlay, "rgb8 picture for people"),
     Output(
         "~/polygons", messages.PolygonInstanceStamped, 25, _polygons,
-        "a message per visible face: corners in metres, the id is the label id of the face",
+        "a message per visible face: corners in metres (colour alone: front wall at 1), the id is its label id",
     ),
-    Output("~/markers", messages.MarkerArray, 5, _markers, "the room for RViz: fills, edges, names and distances"),
+    Output(
+        "~/markers", messages.MarkerArray, 5, _markers,
+        "the room for RViz: fills, edges, names, distances; unit as ~/polygons",
+    ),
     Output(
         "~/free_space", messages.OccupancyGrid, 2, _free_space,
         "floor around the camera: 0 seen free, 100 occupied, -1 not known", on_floor=True, needs_floor=True,

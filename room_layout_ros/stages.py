@@ -124,10 +124,11 @@ class NodeStages:
 
 def _floor_outcome(scene: Scene) -> FloorOutcome:
     if not scene.estimator.use_depth:
-        return FloorOutcome("", NOT_USED)
+        return FloorOutcome("", NOT_USED, frame=scene.floor_frame)
     if scene.geometry is None:
-        return FloorOutcome("", NO_DEPTH)
+        return FloorOutcome("", NO_DEPTH, frame=scene.floor_frame)
     space = scene.free_space
     if space is None:
-        return FloorOutcome("", NO_FLOOR)
-    return FloorOutcome(space.source, confirmed=space.source.endswith("+depth") or not scene.sees_floor)
+        return FloorOutcome("", NO_FLOOR, frame=scene.floor_frame)
+    confirmed = space.source.endswith("+depth") or not scene.sees_floor
+    return FloorOutcome(space.source, confirmed=confirmed, frame=scene.floor_frame)

@@ -17,10 +17,11 @@ from msg_adapters import messages
 from .inputs import IMU_TOPIC, INPUT_TOPICS, TRANSPORTS, transport_of
 from .runtime.diagnosis import InputFacts
 from .runtime.pairing import COLOR, DEPTH
-from .runtime.session import CAMERA, CAMERAS, IMU
+from .runtime.session import CAMERA, CAMERAS, IMU, TF
 from .settings import Settings
 
 _DEPTH = 5
+_TF_TOPICS = ("/tf", "/tf_static")
 
 _OVERRIDES: tuple[tuple[str, str | int, tuple[str, ...]], ...] = (
     ("history", "keep_last", tuple(p.name.lower() for p in QoSHistoryPolicy if p.name != "UNKNOWN")),
@@ -97,11 +98,22 @@ class Subscriptions:
             if wanted or stream in (COLOR, DEPTH, CAMERA):
                 topic = self._topic(stream, settings)
                 publishers = self._node.count_publishers(topic)
-                facts[stream] = InputFacts(topic, wanted, publishers, self._clashes.get(stream, ""))
+                pose = _extrinsics(settings) if stream == DEPTH else ""
+                facts[stream] = InputFacts(topic, wanted, publishers, self._clashes.get(stream, ""), pose)
         if settings.node.pose_source == "imu":
             topic = self._node.resolve_topic_name(IMU_TOPIC)
             facts[IMU] = InputFacts(topic, True, self._node.count_publishers(topic), self._clashes.get(IMU, ""))
+        if settings.node.pose_source == "auto":
+            facts[TF] = self._tf()
         return facts
+
+    def _tf(self) -> InputFacts:
+        """Return who publishes TF beside this node, which sends its floor's frame there."""
+        own = self._node.get_namespace(), self._node.get_name()
+        topics = [self._node.resolve_topic_name(topic) for topic in _TF_TOPICS]
+        ends = [end for topic in topics for end in self._node.get_publishers_info_by_topic(topic)]
+        others = sum((end.node_namespace, end.node_name) != own for end in ends)
+        return InputFacts(", ".join(topics), publishers=others)
 
     def _topic(self, stream: str, settings: Settings) -> str:
         return self._topic_by(stream, transport_of(stream, settings.node))
@@ -176,6 +188,14 @@ class Subscriptions:
 
     def _clash(self, stream: str, info: Any) -> None:
         self._clashes[stream] = qos_policy_name_from_kind(info.last_policy_kind)
+
+
+def _extrinsics(settings: Settings) -> str:
+    """Say where the depth camera's pose comes from; "" where none is needed."""
+    config = settings.estimator.config
+    if settings.node.depth_registered or not (config.use_color and config.use_depth):
+        return ""
+    return "parameter depth_to_color" if settings.node.depth_to_color else "TF"
 
 
 def _qos() -> dict[str, Any]:

@@ -59,6 +59,7 @@ class QuickEstimator:
             furniture=np.zeros_like(layout), superpixels=np.zeros(layout.shape, np.int32), R_room_camera=np.eye(3),
             axes_confidence=1.0, confidence=1.0, face_confidence=np.ones(5), cuboid=self.ROOM if found else None,
             polygons=self.ROOM.polygons(frame.camera), stamp_ns=frame.stamp_ns, frame_id=frame.frame_id,
+            metric=frame.depth_m is not None,
         )  # fmt: skip
 
 

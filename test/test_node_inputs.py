@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from msg_adapters.header import encode_header
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.registration import register_depth
 from room_layout_ros.datasets.calibration import CameraCalibration, write_calibration
+from room_layout_ros.estimator_node import EstimatorNode
 from room_layout_ros.node_config import parse_pose
 
 pytestmark = pytest.mark.dds
@@ -281,9 +283,45 @@ def test_unregistered_depth_is_registered_by_tf(tf: FakeBuffer) -> None:
         np.testing.assert_array_equal(bench.estimators[0].frames[-1].depth_m, registered(0, POSE))
 
 
-def said(bench: Bench, key: str) -> str:
+def said(bench: Bench, key: str, name: str = "floor") -> str:
+    """Return a value of the newest diagnostic of a name; "" where it has none."""
     statuses = bench.heard["/diagnostics"][-1].status
-    return next(v.value for s in statuses if s.name.endswith(": floor") for v in s.values if v.key == key)
+    return next((v.value for s in statuses if s.name.endswith(f": {name}") for v in s.values if v.key == key), "")
+
+
+def test_diagnostics_say_where_the_pose_of_the_depth_camera_comes_from() -> None:
+    with running(depth_registered=False) as bench:
+        bench.until(lambda: bench.heard["/diagnostics"] and said(bench, "extrinsics", "input depth") == "TF")
+        assert bench.node.set_parameters([Parameter("depth_to_color", value=POSE)])[0].successful
+        bench.until(lambda: said(bench, "extrinsics", "input depth") == "parameter depth_to_color")
+        assert bench.node.set_parameters([Parameter("use_color", value=False)])[0].successful
+        bench.until(lambda: said(bench, "extrinsics", "input depth") == "")
+
+
+@pytest.mark.parametrize(("use_depth", "words"), ((True, "yes"), (False, "no (front wall is 1)")))
+def test_diagnostics_say_whether_the_room_is_in_metres(use_depth: bool, words: str) -> None:
+    with running(use_depth=use_depth) as bench:
+        own_view(bench, ("color", "depth", "camera_info") if use_depth else ("color", "camera_info"))
+        assert said(bench, "metric", "estimates") == ""
+        bench.send(0, depth=None if use_depth else False)
+        bench.until(lambda: bench.labels_of(0))
+        bench.until(lambda: said(bench, "metric", "estimates") == words)
+
+
+def test_auto_says_that_tf_is_there_and_does_not_know_the_robot() -> None:
+    make = partial(EstimatorNode, cli_args=["--ros-args", "-r", "/tf:=/t1", "-r", "/tf_static:=/t2"])
+    with running(make) as bench:
+        bench.connect()
+        bench.expect(0)
+        bench.until(lambda: "no transform" in said(bench, "expected"))
+        assert "TF is there" not in bench.diagnosis()["floor"][1], "nobody publishes TF"
+        driver = bench.other.create_publisher(messages.String, "/t2", 1)
+        words = f"TF is there, but no transform between 'base_footprint' and '{FRAME_ID}' is known"
+        bench.until(lambda: bench.diagnosis()["floor"][1].startswith(words))
+        assert bench.well("floor")
+        bench.other.destroy_publisher(driver)
+        bench.node.create_publisher(messages.String, "/t1", 1)  # as the node's own broadcaster is
+        bench.until(lambda: "TF is there" not in bench.diagnosis()["floor"][1])
 
 
 FLOOR_GIVEN: dict[str, Any] = {"pose_source": "parameters", "camera_height": 1.3}
@@ -350,6 +388,7 @@ def test_the_floor_frame_is_broadcast_while_somebody_listens_to_a_topic_on_it(tf
         scans = scan(bench, 1)
         bench.until(lambda: tf.sent)
         assert (tf.sent[0].header.frame_id, tf.sent[0].child_frame_id) == (FRAME_ID, f"{FRAME_ID}_floor")
+        bench.until(lambda: said(bench, "frame") == f"{FRAME_ID}_floor")
         assert tf.sent[0].header.stamp == scans[0].header.stamp
 
 

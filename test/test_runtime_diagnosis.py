@@ -10,7 +10,7 @@ import pytest
 from room_layout_ros.runtime.diagnosis import Finding, InputFacts, Level, NodeFacts, diagnose
 from room_layout_ros.runtime.health import FloorOutcome, Health, StreamHealth
 from room_layout_ros.runtime.pairing import COLOR, DEPTH
-from room_layout_ros.runtime.session import CAMERA, IMU
+from room_layout_ros.runtime.session import CAMERA, IMU, TF
 
 TOPICS = {COLOR: "/rgb", DEPTH: "/depth", CAMERA: "/info"}
 FACTS = NodeFacts(inputs={s: InputFacts(t, publishers=1) for s, t in TOPICS.items()}, listening_s=60.0)
@@ -207,6 +207,43 @@ def test_f07_a_source_that_was_asked_for_and_gives_nothing_is_a_warning(source: 
     assert found.level == level
     if level:
         assert found.message == f"pose_source is {source}, but x; the floor that is seen decides"
+
+
+def test_the_floor_says_the_name_of_its_frame() -> None:
+    last = replace(GOOD, frame="left_floor")
+    assert findings(replace(HEALTHY, floors=30, last_floor=last))["floor"].values["frame"] == "left_floor"
+    assert findings()["floor"].values["frame"] == ""
+
+
+def with_tf(publishers: int) -> NodeFacts:
+    missing = "no transform between 'base_footprint' and 'camera' is known"
+    inputs = {**FACTS.inputs, TF: InputFacts("/tf, /tf_static", publishers=publishers)}
+    return replace(FACTS, inputs=inputs, floor=f"estimate ({missing})", floor_missing=missing)
+
+
+def test_auto_says_in_a_sentence_that_tf_is_there_without_the_robot() -> None:
+    level, words = floor_of(facts=with_tf(2), floors=30, last_floor=GOOD)
+    assert level == Level.OK
+    assert words == (
+        "TF is there, but no transform between 'base_footprint' and 'camera' is known; the floor is taken from the "
+        "picture alone: set robot_frame to the frame of the robot that lies on the floor, z up"
+    )
+    assert floor_of(facts=with_tf(0), floors=30, last_floor=GOOD)[1] == "floor from tf+depth", "no TF: nothing to say"
+    known = replace(with_tf(2), floor="tf", floor_missing="")
+    assert floor_of(facts=known, floors=30, last_floor=GOOD)[1] == "floor from tf+depth"
+    worse = floor_of(facts=with_tf(2), floors=30, floors_not_confirmed=3, last_floor=DOUBTFUL)
+    assert worse[1].startswith("depth does not confirm the floor")
+    assert "input tf" not in findings(facts=with_tf(2))
+
+
+def test_depth_that_is_registered_here_says_where_its_pose_comes_from() -> None:
+    assert findings(facts=with_input(DEPTH, extrinsics="TF"))["input depth"].values["extrinsics"] == "TF"
+    assert "extrinsics" not in findings()["input depth"].values
+
+
+@pytest.mark.parametrize(("metric", "words"), ((None, ""), (True, "yes"), (False, "no (front wall is 1)")))
+def test_a_room_without_a_scale_is_said_to_have_none(metric: bool | None, words: str) -> None:
+    assert findings(replace(HEALTHY, metric=metric))["estimates"].values["metric"] == words
 
 
 WITH_IMU = replace(FACTS, inputs={**FACTS.inputs, IMU: InputFacts("/imu", publishers=1)}, pose_source="imu")

@@ -8,7 +8,7 @@ from enum import IntEnum
 
 from .health import Health, StreamHealth
 from .pairing import COLOR, DEPTH
-from .session import CAMERA, CAMERAS, DEPTH_CAMERA, IMU
+from .session import CAMERA, CAMERAS, DEPTH_CAMERA, IMU, TF
 
 NAMES = {IMU: "imu", COLOR: "colour", DEPTH: "depth", CAMERA: "camera_info", DEPTH_CAMERA: "camera_info of depth"}
 
@@ -33,6 +33,8 @@ class InputFacts:
     publishers: int = 0
     qos_clash: str = ""
     """Name of the policy that keeps a publisher from us, or ""."""
+    extrinsics: str = ""
+    """Where the pose of the camera that this image is registered to comes from, or "" where it is not registered."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +42,7 @@ class NodeFacts:
     """What the node knows beside the counters."""
 
     inputs: Mapping[str, InputFacts]
+    """By stream. TF, which is no stream, is there where the floor may come from it: `publishers` but our own."""
     state: str = "running"
     """running, warming up, waiting for /clock, or idle (no listener)."""
     listening_s: float = 0.0
@@ -71,7 +74,7 @@ class Finding:
 
 def diagnose(health: Health, before: Health, facts: NodeFacts) -> list[Finding]:
     """Return the state of every input, the estimates and the floor; `before` is the snapshot of the last call."""
-    findings = [_input(s, health.streams[s], before.streams[s], facts) for s in facts.inputs]
+    findings = [_input(s, health.streams[s], before.streams[s], facts) for s in facts.inputs if s != TF]
     return [*findings, _estimates(health, before, facts), _floor(health, before, facts)]
 
 
@@ -90,6 +93,8 @@ def _input(stream: str, now: StreamHealth, before: StreamHealth, facts: NodeFact
         "lost": str(now.lost),
         **{f"refused: {reason}": str(n) for reason, n in sorted(now.refused.items())},
     }
+    if facts.inputs[stream].extrinsics:
+        values["extrinsics"] = facts.inputs[stream].extrinsics
     return Finding(f"input {NAMES[stream]}", level, message, values, logged)
 
 
@@ -138,6 +143,7 @@ def _estimates(health: Health, before: Health, facts: NodeFacts) -> Finding:
         **{f"no estimate: {status}": str(n) for status, n in sorted(health.no_estimate.items())},
         **{f"dropped: {reason}": str(n) for reason, n in sorted(health.dropped.items())},
         "resets": str(health.resets),
+        "metric": _METRIC[health.metric],
         "latency_p50_ms": f"{health.latency_p50_ms:.1f}",
         "latency_p99_ms": f"{health.latency_p99_ms:.1f}",
         "age_p50_ms": f"{health.age_p50_ms:.1f}",
@@ -147,6 +153,7 @@ def _estimates(health: Health, before: Health, facts: NodeFacts) -> Finding:
     return Finding("estimates", level, message, values, logged)
 
 
+_METRIC = {None: "", True: "yes", False: "no (front wall is 1)"}
 _HARMLESS = ("newer frame", "reset", "shutdown")
 
 
@@ -189,6 +196,7 @@ def _floor(health: Health, before: Health, facts: NodeFacts) -> Finding:
     values = {
         "expected": facts.floor,
         "source": health.last_floor.source if health.last_floor else "",
+        "frame": health.last_floor.frame if health.last_floor else "",
         "frames": str(health.floors),
         **{f"no floor: {reason}": str(n) for reason, n in sorted(health.no_floor.items())},
         "not confirmed": str(health.floors_not_confirmed),
@@ -206,6 +214,11 @@ def _floor_state(health: Health, before: Health, facts: NodeFacts) -> tuple[Leve
         wrong = f"{wrong}; {source}" if wrong else source
     if wrong:
         return Level.WARN, wrong
+    if facts.floor_missing and TF in facts.inputs and facts.inputs[TF].publishers:
+        return Level.OK, (
+            f"TF is there, but {facts.floor_missing}; the floor is taken from the picture alone: "
+            "set robot_frame to the frame of the robot that lies on the floor, z up"
+        )
     if health.last_floor is not None and health.floors > before.floors:
         return Level.OK, f"floor from {health.last_floor.source}"
     if health.published > before.published:

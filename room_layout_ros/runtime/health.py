@@ -45,11 +45,13 @@ class FloorOutcome:
     source : of the plane, "+depth" behind it where depth refined it; "" without a floor.
     missing : why there was none; "" with a floor.
     confirmed : False where floor was in view and depth does not lie where the source says.
+    frame : name of the frame on the floor, of the outputs that lie there.
     """
 
     source: str
     missing: str = ""
     confirmed: bool = True
+    frame: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +80,8 @@ class Health:
     last_drop: str = ""
     frame_id: str | None = None
     """Of the last frame; None before the first."""
+    metric: bool | None = None
+    """Whether the last room was in metres; None before the first."""
     floors: int = 0
     """Frames of which somebody wanted the floor: with one + sum(no_floor)."""
     no_floor: Mapping[str, int] = field(default_factory=dict)
@@ -123,6 +127,7 @@ class PairCount:
     resets: int = 0
     last_drop: str = ""
     frame_id: str | None = None
+    metric: bool | None = None
     floors: int = 0
     no_floor: Counter[str] = field(default_factory=Counter)
     floors_not_confirmed: int = 0
@@ -168,6 +173,7 @@ class PairCount:
             age_p99_ms=quantile(self.ages_ms, 0.99),
             last_drop=self.last_drop,
             frame_id=self.frame_id,
+            metric=self.metric,
             floors=self.floors,
             no_floor=dict(self.no_floor),
             floors_not_confirmed=self.floors_not_confirmed,

@@ -22,7 +22,7 @@ from .pairing import COLOR, DEPTH, STAMP_FAULTS, Pair, PairingRules, StreamCount
 
 CAMERA, DEPTH_CAMERA = "camera_info", "depth_camera_info"
 CAMERAS = (CAMERA, DEPTH_CAMERA)
-IMU = "imu"
+IMU, TF = "imu", "tf"
 STREAMS = (COLOR, DEPTH, *CAMERAS, IMU)
 
 
@@ -320,6 +320,7 @@ class EstimatorSession:
                 pairs.count_floor(floor, now)
             if estimate.cuboid is not None:
                 pairs.published += 1
+                pairs.metric = estimate.metric
                 pairs.rate.tick(now)
             else:
                 pairs.no_estimate[estimate.status.value] += 1
