@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from .config import EstimatorConfig
 from .depth import MAD_TO_SIGMA, NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma
 from .estimate import RoomEstimate
+from .floor_level import height_over, level_of_camera
 from .frame import CameraIntrinsics
 from .labels import CLUTTER, FLOOR
 
@@ -42,6 +43,12 @@ _CUBOID_RAD, _CUBOID_M = np.deg2rad(0.3), 0.015
 _PRIOR_RAD, _PRIOR_M = np.deg2rad(3.0), 0.10
 """How well the floor of the cuboid is known before the fit (it has the walls' right angles), and any other start."""
 
+_FARTHEST_RAD, _FARTHEST_M = np.deg2rad(6.0), 0.15
+"""Farther from a start that is given whole the depth shows another level: the start is kept as it is."""
+
+_WORST_CONDITION = 1e9
+"""Pixels on one line make no plane."""
+
 _SHARED_PIXELS, _INVERSE_NOISE = 400.0, 0.0015
 """So many of the fit's pixels share an error (ripple, slow error) of this deviation, 1/m."""
 
@@ -49,14 +56,6 @@ _NOTHING_EXPECTED = np.zeros((3, 4))
 
 _GATHER_M = 0.35
 """Pixels farther above or below the start are no floor, however wrong the start is."""
-
-_LOWER_FROM_M, _LOWER_LAYER_M, _LOWER_LAYERS = 0.25, 0.05, 40
-_LOWER_PART, _LOWER_SHARE = 6, 0.003
-"""A level layer below the floor, in the lowest sixth of the picture and of this share of it, is the floor."""
-
-_LEAST_FLOOR_SHARE = 0.3
-"""A plane with a smaller share of pixels labelled floor (the others: clutter) is no floor: so were seven of the 223 NYU
-frames looked at, and on none of them lay any floor; the other planes are at 0.4 and above, nearly all above 0.7."""
 
 _CARRY_ROUNDS = 30
 _CARRY_TO_ZERO = 0.3
@@ -129,7 +128,11 @@ class FloorFit:
 
 
 def fit_floor(
-    geometry: DepthGeometry, estimate: RoomEstimate, config: EstimatorConfig, prior: FloorPlane | None = None
+    geometry: DepthGeometry,
+    estimate: RoomEstimate,
+    config: EstimatorConfig,
+    prior: FloorPlane | None = None,
+    color: NDArray[np.uint8] | None = None,
 ) -> FloorFit | None:
     """Fit the floor, starting from a prior, else from the floor of the cuboid.
 
@@ -154,25 +157,53 @@ def fit_floor(
         if height is None:
             return None
         start = FloorPlane(start.normal, height, start.source)
+    fit = _fit(geometry, estimate.labels, config, start, tightly=prior is None)
+    if prior is not None and not np.isnan(prior.distance_m):
+        return fit if fit is not None and _is_near(fit, prior) else _as_given(prior, geometry.camera)
+    if fit is None:
+        return None
+    camera = geometry.camera
+    intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
+    level = level_of_camera(
+        geometry.inverse_depth, estimate.labels, color, intrinsics, fit.normal / fit.distance_m
+    ).height_m
+    if level == 0.0:
+        return fit
+    under = FloorPlane(fit.normal, fit.distance_m - level, start.source) if level < fit.distance_m else None
+    return None if under is None else _fit(geometry, estimate.labels, config, under, tightly=False)
+
+
+def _fit(
+    geometry: DepthGeometry, labels: NDArray[np.uint8], config: EstimatorConfig, start: FloorPlane, tightly: bool
+) -> FloorFit | None:
+    """Fit the floor from a start that has a height; None where it has too little support.
+
+    `tightly` : the start is the floor of a cuboid, which its walls hold; it may lie between two levels.
+    """
     camera = geometry.camera
     intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
     plane = start.normal / start.distance_m
-    pixels, coarse = _near_plane(geometry.inverse_depth, estimate.labels, intrinsics, plane)
+    pixels, coarse = _near_plane(geometry.inverse_depth, labels, intrinsics, plane)
     least = max(int(config.floor_min_share * geometry.inverse_depth.size), 500)
-    expected = _expected(start, tightly=prior is None)
+    expected = _expected(start, tightly)
     plane, support = _settle(pixels, coarse, intrinsics, plane, _HALF_WIDTHS_M, least, expected)
-    if support and prior is None and _is_top(geometry.inverse_depth, pixels[:coarse], intrinsics, plane):
-        support = 0
     if support:
-        plane, support = _on_one_level(pixels, coarse, intrinsics, plane, support, least)
+        held = _NOTHING_EXPECTED if tightly else expected
+        plane, support = _on_one_level(pixels, coarse, intrinsics, plane, support, least, held)
     if not support:
-        return None if prior is None or np.isnan(prior.distance_m) else _as_given(prior, camera)
+        return None
     length = float(np.linalg.norm(plane))
     flat = np.zeros(_tiles(camera.height, camera.width))
     sigma = _sigma_bands(_heights(pixels[:coarse], intrinsics, plane, flat), 1.0 / length)
     bias = _bias(pixels, intrinsics, plane, sigma, flat.shape)
     sigma = _sigma_bands(_heights(pixels, intrinsics, plane, bias), 1.0 / length)
     return FloorFit(plane / length, 1.0 / length, sigma, bias, support, f"{start.source}+depth")
+
+
+def _is_near(fit: FloorFit, prior: FloorPlane) -> bool:
+    """Whether a fit is the floor that was given, not another level."""
+    turned = np.arccos(np.clip(fit.normal @ prior.normal, -1.0, 1.0))
+    return bool(turned <= _FARTHEST_RAD and abs(fit.distance_m - prior.distance_m) <= _FARTHEST_M)
 
 
 def _settle(
@@ -196,6 +227,8 @@ def _settle(
         if support < least:
             return plane, 0
         sums += expected / (1 if last else 4)
+        if np.linalg.cond(sums[:, :3]) > _WORST_CONDITION:
+            return plane, 0
         plane = np.linalg.solve(sums[:, :3], sums[:, 3])
     return plane, support
 
@@ -216,6 +249,7 @@ def _on_one_level(
     plane: NDArray[np.float64],
     support: int,
     least: int,
+    expected: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], int]:
     """Return the plane and its support; fitted anew where it runs through two levels."""
     sure = pixels[:coarse][pixels[:coarse, 3] == 1.0]
@@ -223,19 +257,8 @@ def _on_one_level(
     if small or not len(sure) or _on_plane(sure, intrinsics, plane, _HALF_WIDTHS_M[-1]).mean() >= _ONE_LEVEL_SHARE:
         return plane, support
     near = sure[sure[:, 2] >= np.quantile(sure[:, 2], _FARTHER_SHARE)]
-    plane, _ = _settle(near, len(near), intrinsics, plane, _HALF_WIDTHS_M, _MIN_BAND_PIXELS)
-    return _settle(pixels, coarse, intrinsics, plane, _HALF_WIDTHS_M[1:], least)
-
-
-def _is_top(
-    inverse_depth: NDArray[np.float32],
-    pixels: NDArray[np.float32],
-    intrinsics: tuple[float, ...],
-    plane: NDArray[np.float64],
-) -> bool:
-    """Whether the plane is the top of a bed or a table: mostly clutter lies on it, or lower floor is in view."""
-    on = pixels[_on_plane(pixels, intrinsics, plane, _HALF_WIDTHS_M[-1]), 3]
-    return bool((on == 1.0).mean() < _LEAST_FLOOR_SHARE or _stands_on_lower(inverse_depth, intrinsics, plane))
+    plane, _ = _settle(near, len(near), intrinsics, plane, _HALF_WIDTHS_M, _MIN_BAND_PIXELS, expected)
+    return _settle(pixels, coarse, intrinsics, plane, _HALF_WIDTHS_M[1:], least, expected)
 
 
 def _from_cuboid(estimate: RoomEstimate) -> FloorPlane | None:
@@ -366,12 +389,6 @@ def _floor_sums(pixels, intrinsics, plane, half_width):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True)
-def _height(plane, d, rx, ry, z):  # type: ignore[no-untyped-def]
-    """Height in m of the point at depth z on the ray (rx, ry, 1) over the plane n / d, of which d is the distance."""
-    return d * (1.0 - (plane[0] * rx + plane[1] * ry + plane[2]) * z)
-
-
-@njit(cache=True, nogil=True)
 def _on_plane(pixels, intrinsics, plane, half_width):  # type: ignore[no-untyped-def]
     """(n,) bool: pixels within a half width and twice the noise of the plane."""
     fx, fy, cx, cy = intrinsics
@@ -379,7 +396,7 @@ def _on_plane(pixels, intrinsics, plane, half_width):  # type: ignore[no-untyped
     on = np.empty(len(pixels), np.bool_)
     for k in range(len(pixels)):
         rx, ry, z = (pixels[k, 0] - cx) / fx, (pixels[k, 1] - cy) / fy, 1.0 / pixels[k, 2]
-        h = _height(plane, d, rx, ry, z)
+        h = height_over(plane, d, rx, ry, z)
         on[k] = abs(h) < half_width + 2.0 * depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) * d / z
     return on
 
@@ -390,24 +407,6 @@ def _between_tiles(pixel, tiles):  # type: ignore[no-untyped-def]
     place = min(max((pixel + 0.5) / TILE_PX - 0.5, 0.0), tiles - 1.0)
     before = min(int(place), max(tiles - 2, 0))
     return before, min(before + 1, tiles - 1), place - before
-
-
-@njit(cache=True, nogil=True)
-def _stands_on_lower(inverse, intrinsics, plane):  # type: ignore[no-untyped-def]
-    """Whether the picture shows lower floor nearer than the plane's: the plane is a bed's or a table's top."""
-    fx, fy, cx, cy = intrinsics
-    height, width = inverse.shape
-    layers = np.zeros(_LOWER_LAYERS, np.int64)
-    d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
-    for v in range(height - height // _LOWER_PART, height, _STRIDE):
-        for u in range(0, width, _STRIDE):
-            if inverse[v, u] > 0.0:
-                z = 1.0 / inverse[v, u]
-                h = _height(plane, d, (u - cx) / fx, (v - cy) / fy, z)
-                k = int((-h - _LOWER_FROM_M) / _LOWER_LAYER_M)
-                if h < -_LOWER_FROM_M and k < _LOWER_LAYERS:
-                    layers[k] += _STRIDE * _STRIDE
-    return (layers[1:] + layers[:-1]).max() >= _LOWER_SHARE * height * width
 
 
 @njit(cache=True, nogil=True)
@@ -423,7 +422,7 @@ def _heights(pixels, intrinsics, plane, bias):  # type: ignore[no-untyped-def]
         top = bias[i, j] + q * (bias[i, n] - bias[i, j])
         slow = top + p * (bias[m, j] + q * (bias[m, n] - bias[m, j]) - top)
         z = 1.0 / (pixels[k, 2] - slow)
-        h = _height(plane, d, (u - cx) / fx, (v - cy) / fy, z)
+        h = height_over(plane, d, (u - cx) / fx, (v - cy) / fy, z)
         bin_, band = int(abs(h) / _HISTOGRAM_M), int(z / BAND_M)
         if bin_ < _HISTOGRAM_BINS and 0 <= band < _BANDS:
             counts[0 if h <= 0.0 else 1, band, bin_] += 1

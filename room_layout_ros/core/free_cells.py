@@ -65,7 +65,8 @@ _CLOSE_M, _PLACE_M = 3.2, 0.01
 holds for things, of which the noise sets back those at 3 m.) So much of the noise is left in: the place of a pixel."""
 
 _BEHIND_WALL_CELLS = 3
-_BEHIND_HOLE_CELLS = 1.5
+_BEHIND_HOLE_CELLS, _BEHIND_HOLE_SIGMAS = 1.5, 6.0
+"""The far side of a hole looks like floor so far before its upper edge."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,7 +251,7 @@ def _decide(sums, corner, things, height, sigma, walls, half_view, focal, fit, l
     grid = np.full((rows, cols), UNKNOWN_CELL, np.int8)
     nearest = np.full((rows, cols), np.inf)
     early = np.full((rows, cols), np.inf)
-    farthest = np.full((rows, cols), -np.inf)
+    farthest, hole_end = np.full((rows, cols), -np.inf), np.full((rows, cols), -np.inf)
     for i in range(rows):
         y = y0 + (i + 0.5) * size
         for j in range(cols):
@@ -294,6 +295,6 @@ def _decide(sums, corner, things, height, sigma, walls, half_view, focal, fit, l
                     nearest[i, j] = r - (1.5 if blind else 0.5) * size + early[i, j]
             if thing[i, j]:
                 farthest[i, j] = cell[FARTHEST] + _BEHIND_SIGMAS[far] * noise
-            elif hole:  # its far side is seen a little below the edge, as floor is by its noise
-                farthest[i, j] = r + _BEHIND_HOLE_CELLS * size
-    return grid, (early, nearest, farthest)
+            if hole:  # its far side is seen a little below the edge, as floor is by its noise
+                hole_end[i, j] = r + _BEHIND_HOLE_CELLS * size + _BEHIND_HOLE_SIGMAS * noise
+    return grid, (early, nearest, farthest, hole_end)

@@ -97,7 +97,7 @@ def compute_free_space(
     FreeSpace or None
         None where no floor is in view and none is given.
     """
-    fit = fit_floor(geometry, estimate, config, floor)
+    fit = fit_floor(geometry, estimate, config, floor, color)
     if fit is None:
         return None
     T_camera_floor = floor_frame(fit.normal, fit.distance_m)
