@@ -155,7 +155,10 @@ def rviz(value, fixed_frame):
     )
 
 
-VIEWED = ("overlay", "labels", "markers", "objects", "free_space", "obstacles", "floor", "scan")
+VIEWED = (
+    *("overlay", "labels", "markers", "objects"),
+    *("free_space", "obstacles", "floor", "scan", "room_outline", "floor_pose"),
+)
 
 ARGUMENTS = {
     "camera": ("none", "preset of topic names: " + ", ".join(PRESETS)),

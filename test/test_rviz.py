@@ -74,3 +74,8 @@ def test_each_display_takes_the_messages_of_its_topic(view: dict[str, Any], type
     for display in shown:
         kind = types[display["Topic"]["Value"].removeprefix("/estimator/")]
         assert kind in DISPLAYS[display["Class"].removeprefix("rviz_default_plugins/")], display["Name"]
+
+
+def test_what_lies_on_the_floor_is_shown_with_the_floor(view: dict[str, Any]) -> None:
+    shown = {display["Topic"]["Value"] for display in view["Displays"] if "Topic" in display}
+    assert {f"/estimator/{topic}" for topic in ("free_space", "scan", "room_outline", "floor_pose")} <= shown
