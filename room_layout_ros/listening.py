@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from room_layout_ros.datasets import DataError
+from room_layout_ros.extras import install_hint
 
 
 class Listener(NamedTuple):
@@ -36,7 +37,7 @@ def listen(name: str, listeners: Sequence[Listener], end: float) -> None:
         kinds = [_message_class(listener.kind) for listener in listeners]
     except ImportError as error:
         what = error.name or "rclpy"
-        raise DataError(f"listening needs ROS 2 ({what} is missing): pip install 'room_layout_ros[ros]'") from None
+        raise DataError(f"listening needs ROS 2 ({what} is missing): {install_hint('ros')}") from None
     try:
         join([])
         node = rclpy.create_node(name)

@@ -12,6 +12,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
+from room_layout_ros.extras import install_hint
+
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -209,9 +211,7 @@ class _LokyPool:
             from joblib.externals.loky import ProcessPoolExecutor
             from joblib.externals.loky.process_executor import BrokenProcessPool
         except ImportError:
-            raise ModuleNotFoundError(
-                "--jobs above 1 needs joblib: pip install 'room_layout_ros[train]'", name="joblib"
-            ) from None
+            raise ModuleNotFoundError(f"--jobs above 1 needs joblib: {install_hint('train')}", name="joblib") from None
 
         self.workers = jobs
         self.losses = (BrokenProcessPool,)
@@ -243,9 +243,7 @@ class _DaskPool:
             from distributed import Client
             from distributed.scheduler import KilledWorker
         except ImportError:
-            raise ModuleNotFoundError(
-                "--scheduler needs Dask: pip install 'room_layout_ros[train]'", name="distributed"
-            ) from None
+            raise ModuleNotFoundError(f"--scheduler needs Dask: {install_hint('train')}", name="distributed") from None
         try:
             self._client = Client(scheduler, timeout=CONNECT_TIMEOUT_S)
         except (OSError, ValueError) as error:

@@ -24,6 +24,7 @@ from room_layout_ros.datasets.calibration import CameraCalibration
 from room_layout_ros.datasets.convert import calibration_of
 from room_layout_ros.datasets.images import depth_to_millimetres
 from room_layout_ros.datasets.writers import fits_millimetres
+from room_layout_ros.extras import install_hint
 
 FRAME_TOPICS = (topics.COLOR_TOPIC, topics.COLOR_INFO_TOPIC, topics.DEPTH_TOPIC)
 """Where frames go that are not of a bag."""
@@ -171,9 +172,7 @@ def play(
 
         from .ros_process import join
     except ImportError:
-        raise ModuleNotFoundError(
-            "playing needs ROS 2: pip install 'room_layout_ros[ros]', or /opt/ros", name="rclpy"
-        ) from None
+        raise ModuleNotFoundError(f"playing needs ROS 2: {install_hint('ros')}, or /opt/ros", name="rclpy") from None
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
     player = None
     try:

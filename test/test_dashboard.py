@@ -340,7 +340,7 @@ def test_a_node_name_that_is_none_is_one_sentence(capsys: pytest.CaptureFixture[
 def test_without_plotly_the_extra_is_named(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "plotly", None)
     assert room_layout(["dashboard", "--port", "0", "--seconds", "1"]) == 2
-    assert "the dashboard needs Plotly: pip install 'room_layout_ros[viz]'" in capsys.readouterr().err
+    assert "the dashboard needs Plotly: pip install '.[viz]' in the clone" in capsys.readouterr().err
 
 
 def test_server_is_not_reachable_from_other_machines(server: ThreadingHTTPServer) -> None:

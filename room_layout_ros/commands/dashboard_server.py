@@ -13,6 +13,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from room_layout_ros.datasets import DataError
+from room_layout_ros.extras import install_hint
 
 from .dashboard_page import dashboard_html
 from .dashboard_room import Room, state_of
@@ -68,7 +69,7 @@ def plotly_script() -> bytes:
 
         return (resources.files(plotly) / "package_data" / "plotly.min.js").read_bytes()
     except (ImportError, FileNotFoundError):
-        raise DataError("the dashboard needs Plotly: pip install 'room_layout_ros[viz]'") from None
+        raise DataError(f"the dashboard needs Plotly: {install_hint('viz')}") from None
 
 
 def serve(board: Board, port: int) -> ThreadingHTTPServer:

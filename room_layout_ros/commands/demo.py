@@ -31,6 +31,7 @@ from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.datasets.writers import BagWriter
 from room_layout_ros.evaluation.measures import score_pixels
 from room_layout_ros.evaluation.pictures import base_image
+from room_layout_ros.extras import install_hint
 
 MADE_BY_US = ".room-layout-demo"
 """A folder with this file was made by the demo and may be replaced by the next one."""
@@ -94,7 +95,7 @@ def _check(arguments: argparse.Namespace) -> None:
         raise DataError(f"--rate is {arguments.rate}; allowed is 0.01 to 10")
     for module, extra in (("rosbags", "playback"), ("PIL", "viz")):
         if importlib.util.find_spec(module) is None:
-            raise DataError(f"the demo needs {module}: pip install 'room_layout_ros[{extra}]'")
+            raise DataError(f"the demo needs {module}: {install_hint(extra)}")
 
 
 def _source(arguments: argparse.Namespace) -> FrameSource:

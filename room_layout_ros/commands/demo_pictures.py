@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from room_layout_ros.datasets import DataError
 from room_layout_ros.datasets.images import write_atomically, write_image
 from room_layout_ros.evaluation import pictures
+from room_layout_ros.extras import install_hint
 
 Image = NDArray[np.uint8]
 SHEET_FRAMES = 24
@@ -58,7 +59,7 @@ def write_animation(path: Path, frames: Sequence[Image], seconds: float) -> None
     try:
         from PIL import Image as Pillow
     except ImportError:
-        raise DataError("the moving picture needs Pillow: pip install 'room_layout_ros[viz]'") from None
+        raise DataError(f"the moving picture needs Pillow: {install_hint('viz')}") from None
     chosen = [Pillow.fromarray(frames[i]) for i in evenly(len(frames), ANIMATION_FRAMES)]
     out = io.BytesIO()
     each_ms = max(40, round(1000 * seconds / len(chosen)))

@@ -31,6 +31,7 @@ from room_layout_ros.evaluation.compare import ComparedFrame, CompareJob, Estima
 from room_layout_ros.evaluation.folder_predictions import read_folder
 from room_layout_ros.evaluation.scores import Method, SetScore
 from room_layout_ros.evaluation.superpixel_table import superpixel_figures
+from room_layout_ros.extras import install_hint
 from room_layout_ros.parallel import map_ordered
 
 BASELINES = {
@@ -69,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Score every frame with truth by every method and print the table."""
     if _wants_report(arguments) and importlib.util.find_spec("matplotlib") is None:
-        raise DataError("report.html needs matplotlib: pip install 'room_layout_ros[viz]', or give --no-report")
+        raise DataError(f"report.html needs matplotlib: {install_hint('viz')}, or give --no-report")
     source, curve = open_input(arguments), _curve(arguments)
     methods, samples = _methods(arguments, source), _Samples(source)
     job = CompareJob(methods, _superpixel_config(arguments), _wants_report(arguments))

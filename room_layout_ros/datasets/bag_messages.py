@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from room_layout_ros.core.frame import MAX_SIDE_PX
+from room_layout_ros.extras import install_hint
 
 from .calibration import CameraCalibration
 from .errors import DataError
@@ -43,9 +44,7 @@ def need_rosbags() -> None:
     try:
         import rosbags.rosbag2  # noqa: F401
     except ImportError:
-        raise ModuleNotFoundError(
-            "bags need rosbags: pip install 'room_layout_ros[playback]'", name="rosbags"
-        ) from None
+        raise ModuleNotFoundError(f"bags need rosbags: {install_hint('playback')}", name="rosbags") from None
 
 
 @lru_cache(maxsize=1)

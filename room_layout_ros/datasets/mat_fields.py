@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from room_layout_ros.extras import install_hint
+
 from .errors import DataError
 
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -45,9 +47,7 @@ def open_hdf5(path: Path) -> Any:
     try:
         import h5py
     except ImportError:
-        raise ModuleNotFoundError(
-            ".mat files need h5py: pip install 'room_layout_ros[datasets]'", name="h5py"
-        ) from None
+        raise ModuleNotFoundError(f".mat files need h5py: {install_hint('datasets')}", name="h5py") from None
     try:
         return h5py.File(path, "r")
     except OSError:

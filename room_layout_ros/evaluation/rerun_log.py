@@ -11,6 +11,7 @@ from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.labels import FACES, LABEL_COLORS, LABEL_NAMES
 from room_layout_ros.datasets import DataError
+from room_layout_ros.extras import install_hint
 
 _POINT_STRIDE = 4
 
@@ -87,5 +88,5 @@ def _rerun() -> Any:
     try:
         import rerun
     except ImportError:
-        raise DataError("the interactive view needs Rerun: pip install 'room_layout_ros[viz]'") from None
+        raise DataError(f"the interactive view needs Rerun: {install_hint('viz')}") from None
     return rerun
