@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from damaged_bags import damage_middle
-from frames_on_disk import make_samples
+from frames_on_disk import make_samples, write_folder
 
 from room_layout_ros.cli import main
 from room_layout_ros.commands import estimate as estimate_command
@@ -139,6 +139,20 @@ def test_a_bag_gives_the_same_bytes_as_its_folder(walk: Path, result: Path, tmp_
     assert main(["estimate", str(tmp_path / "bag"), "--out", str(tmp_path / "out")]) == 0
     assert images_of(tmp_path / "out") == images_of(result)
     assert estimates_without_times(tmp_path / "out") == estimates_without_times(result)
+
+
+def test_a_run_in_which_no_frame_could_be_used_says_why_and_fails(
+    walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], rng: np.random.Generator
+) -> None:
+    folder, out = write_folder(tmp_path / "frames", make_samples(3, rng)), tmp_path / "out"
+    for path in (folder / "depth").glob("*.png"):
+        path.write_bytes(path.read_bytes()[:60])
+    assert main(["estimate", str(folder), "--out", str(out)]) == 2
+    error = capsys.readouterr().err
+    assert "none of 3 frames could be used; the first is frame_000: " in error
+    assert "frame_000.png" in error
+    assert error.count("\n") == 1
+    assert len(lines_of(out)) == 3
 
 
 def test_a_bad_frame_gets_a_line_with_its_error_and_the_run_goes_on(walk: Path, tmp_path: Path) -> None:

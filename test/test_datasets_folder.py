@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from frames_on_disk import assert_same_samples, make_samples, write_folder
 
+from room_layout_ros.commands.evaluate_input import choose_frames
 from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.datasets import (
     BadFrame,
@@ -21,6 +22,7 @@ from room_layout_ros.datasets import (
 )
 from room_layout_ros.datasets.calibration import read_calibration, write_calibration
 from room_layout_ros.datasets.images import depth_from_millimetres, depth_to_millimetres, read_depth
+from room_layout_ros.learning.frames_apart import frames_apart, read_frame
 
 
 @pytest.fixture
@@ -69,6 +71,43 @@ def test_folders_without_stamps_run_at_30_hz_and_never_at_stamp_zero(data_root: 
 
 def cut(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-200])
+
+
+@pytest.mark.parametrize("name", ("color", "image"))
+def test_the_colour_folder_may_have_the_name_of_other_data_sets(folder: Path, name: str) -> None:
+    expected = list(good_samples(open_source(folder)))
+    (folder / "rgb").rename(folder / name)
+    assert_same_samples(list(good_samples(open_source(folder))), expected)
+    apart = [read_frame(item) for item in frames_apart(open_source(folder))]
+    assert [isinstance(item, Sample) and item.frame.color is not None for item in apart] == [True] * 3
+    (folder / name / "frame_007.png").unlink()
+    bad = list(open_source(folder))[1]
+    assert isinstance(bad, BadFrame)
+    assert f"{name}/frame_007.png is missing" in bad.error
+
+
+def test_two_folders_that_may_be_the_colour_are_refused_unless_one_is_rgb(folder: Path) -> None:
+    (folder / "color").mkdir()
+    assert next(iter(good_samples(open_source(folder)))).frame.color is not None
+    (folder / "rgb").rename(folder / "image")
+    with pytest.raises(DataError, match="color/ and image/; name the colour images' folder rgb/"):
+        open_source(folder)
+
+
+@pytest.mark.parametrize("wanted", ("7", "0007"))
+def test_a_name_without_its_zeros_is_asked_back(folder: Path, wanted: str) -> None:
+    for path in folder.glob("*/frame_007.png"):
+        path.rename(path.with_name("007.png"))
+    (folder / "stamps.txt").unlink()
+    (folder / "poses.txt").unlink()
+    source = open_source(folder)
+    assert isinstance(source, FramesFolder)
+    with pytest.raises(DataError, match=rf"no frame '{wanted}'; did you mean '007'\?"):
+        source.subset((wanted,))
+    with pytest.raises(DataError, match=r"no frame '8'$"):
+        source.subset(("8",))
+    with pytest.raises(DataError, match=r"nor names of frames; did you mean '007'\?"):
+        choose_frames(source, f"frame_000,{wanted}")
 
 
 @pytest.mark.parametrize(

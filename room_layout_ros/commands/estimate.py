@@ -8,7 +8,7 @@ DIR gets, for every frame NAME:
   estimates.jsonl     a line a frame: status, confidences, axes, planes, polygons, milliseconds
 A frame that cannot be used gets a line with its error. Lines come as the frames are done, each after its images, so
 a run that ends early leaves what it has done. Exit code 0 when every frame has its line, 2 on bad input: also where
-a bag turns out damaged on the way, unless --recover asks for what can be read.
+no frame could be used, and where a bag turns out damaged on the way, unless --recover asks for what can be read.
 """
 
 from __future__ import annotations
@@ -75,6 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise DataError(f"{source.title} holds no frame")
     if items.damage is not None:
         print(items.damage, file=sys.stderr)
+    if written.failed == written.frames:
+        raise DataError(f"{source.title}: none of {written.frames} frames could be used; {written.first_error}")
     print(f"{source.title}: {written}", file=sys.stderr)
     return 0
 
@@ -88,11 +90,12 @@ def _make_folders(out: Path, kinds: tuple[str, ...]) -> None:
 
 @dataclass(slots=True)
 class _Written:
-    """What is in the folder so far."""
+    """What is in the folder so far; `first_error` is of the first frame that could not be used."""
 
     out: Path
     frames: int = 0
     failed: int = 0
+    first_error: str = ""
 
     def write(self, results: Iterator[FrameResult], check: Callable[[], None]) -> None:
         """Write images and lines as they come, `check` after each; no line of an earlier run stays beside them."""
@@ -103,9 +106,11 @@ class _Written:
                 lines.write(f"{json.dumps(result.line, allow_nan=False)}\n")
                 lines.flush()
                 self.frames += 1
-                self.failed += "error" in result.line
+                if "error" in result.line:
+                    self.failed += 1
+                    self.first_error = self.first_error or f"the first is {result.line['name']}: {result.line['error']}"
                 check()
 
     def __str__(self) -> str:
-        problems = f", {self.failed} of them could not be used (see their lines)" if self.failed else ""
+        problems = f", {self.failed} of them could not be used ({self.first_error})" if self.failed else ""
         return f"{self.frames} frames{problems}; results in {self.out}"

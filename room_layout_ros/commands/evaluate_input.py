@@ -9,6 +9,7 @@ from pathlib import Path
 from room_layout_ros.core.labels import FACES, N_FACES
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.datasets import DataError, FramesFolder, FrameSource, open_source
+from room_layout_ros.datasets.frame_names import did_you_mean
 from room_layout_ros.datasets.nyu import NyuSource, frame_name, open_nyu
 from room_layout_ros.datasets.nyu_truth import read_class_map, read_layouts
 from room_layout_ros.datasets.synthetic import KINDS, NOISES, SyntheticSource
@@ -129,8 +130,11 @@ def _names(source: FramesFolder | NyuSource, subset: str) -> tuple[str, ...]:
         return tuple(listing.read_text("utf-8").split())
     names = tuple(name for name in subset.split(",") if name)
     if not set(names) <= set(source.names):
-        known = ", ".join(splits) or "none"
-        raise DataError(f"--frames {subset}: neither one of its lists ({known}), nor a file, nor names of frames")
+        known, strange = ", ".join(splits) or "none", next(name for name in names if name not in source.names)
+        meant = did_you_mean(strange, source.names)
+        raise DataError(
+            f"--frames {subset}: neither one of its lists ({known}), nor a file, nor names of frames{meant}"
+        )
     return names
 
 

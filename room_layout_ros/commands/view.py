@@ -17,6 +17,7 @@ from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, FrameSource, good_samples
+from room_layout_ros.datasets.frame_names import did_you_mean
 from room_layout_ros.datasets.images import write_image
 from room_layout_ros.evaluation.stages import STAGES, Look, draw_all, draw_stage, look_at
 
@@ -71,13 +72,16 @@ def find_frame(source: FrameSource, name: str | None) -> RgbdFrame:
     """
     if name is not None and isinstance(source, FramesFolder):
         source = source.subset((name,))  # straight to its files
+    others = []
     for item in source:
+        others.append(item.name)
         if name is None or item.name == name:
             if isinstance(item, BadFrame):
                 raise DataError(f"frame {item.name} cannot be used: {item.error}")
             return item.frame
-    wanted = "no frame" if name is None else f"no frame {name!r}"
-    raise DataError(f"{source.title} holds {wanted}")
+    if name is None:
+        raise DataError(f"{source.title} holds no frame")
+    raise DataError(f"{source.title} holds no frame {name!r}{did_you_mean(name, others)}")
 
 
 def _look(frame: RgbdFrame, config: EstimatorConfig, rgb_only: bool) -> Look:
@@ -94,9 +98,10 @@ def _to_viewer(arguments: argparse.Namespace, source: FrameSource, config: Estim
 
     log = RerunLog.to_file(arguments.rrd) if arguments.rrd is not None else RerunLog.to_viewer()
     estimator = LayoutEstimator(config)
-    count = 0
+    count, others = 0, []
     with progress_bar("view", min(arguments.limit, source.length or arguments.limit)) as progress:
         for sample in islice(good_samples(source), arguments.limit):
+            others.append(sample.name)
             if arguments.frame is not None and sample.name != arguments.frame:
                 continue
             frame = sample.frame.without_depth() if arguments.rgb_only else sample.frame
@@ -105,5 +110,7 @@ def _to_viewer(arguments: argparse.Namespace, source: FrameSource, config: Estim
             progress(count)
     log.close()
     if not count:
-        raise DataError(f"{source.title} holds no usable frame" + (f" {arguments.frame!r}" if arguments.frame else ""))
+        wanted = arguments.frame
+        meant = "" if wanted is None else f" {wanted!r}{did_you_mean(wanted, others)}"
+        raise DataError(f"{source.title} holds no usable frame{meant}")
     print(arguments.rrd if arguments.rrd is not None else f"{count} frames are in the viewer")

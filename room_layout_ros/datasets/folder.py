@@ -1,9 +1,9 @@
-"""Frames folders: rgb/, depth/, camera.yaml and what is known beside them (docs/data.md)."""
+"""Frames folders: rgb/ (or color/, image/), depth/, camera.yaml and what is known beside them (docs/data.md)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -15,11 +15,15 @@ from room_layout_ros.core.labels import N_FACES
 
 from .calibration import CameraCalibration, read_calibration
 from .errors import DataError
+from .frame_names import did_you_mean
 from .images import read_color, read_depth, read_index
 from .poses import Pose, read_poses, read_stamps
 from .sample import MAX_NYU40, BadFrame, FrameTruth, Sample
 
 COLOR_SUFFIXES = (".png", ".jpg", ".jpeg")
+COLOR_FOLDERS = ("rgb", "color", "image")
+"""Names of the colour folder: ours, and those of other people's data sets. Ours wins."""
+
 DEFAULT_RATE_HZ = 30
 FIRST_STAMP_NS = 1_000_000_000
 """Folders without stamps start at one second: a stamp of 0 means "not set" in ROS."""
@@ -29,7 +33,21 @@ _Pixels = TypeVar("_Pixels", bound=np.generic)
 
 def is_frames_folder(path: Path) -> bool:
     """Whether a folder looks like a frames folder."""
-    return (path / "rgb").is_dir() or (path / "depth").is_dir()
+    return any((path / name).is_dir() for name in (*COLOR_FOLDERS, "depth"))
+
+
+def color_folder(path: Path) -> str:
+    """Return the name of the colour folder of a frames folder; "rgb" where there is none.
+
+    Raises
+    ------
+    DataError
+        When several could be meant.
+    """
+    there = [name for name in COLOR_FOLDERS if (path / name).is_dir()] or ["rgb"]
+    if len(there) > 1 and there[0] != "rgb":
+        raise DataError(f"{path} has {' and '.join(f'{name}/' for name in there)}; name the colour images' folder rgb/")
+    return there[0]
 
 
 def default_stamp_ns(index: int) -> int:
@@ -44,7 +62,7 @@ class FramesFolder:
     Attributes
     ----------
     path : the folder. calibration : of all its frames. names : of the frames, sorted.
-    stamps_ns : by name. poses : by name; may be incomplete.
+    stamps_ns : by name. poses : by name; may be incomplete. color : name of the folder of the colour images.
     """
 
     path: Path
@@ -52,6 +70,7 @@ class FramesFolder:
     names: tuple[str, ...]
     stamps_ns: dict[str, int]
     poses: dict[str, Pose]
+    color: str = "rgb"
 
     @property
     def title(self) -> str:
@@ -81,8 +100,8 @@ class FramesFolder:
         ValueError
             When the images do not fit the camera.
         """
-        color = self._image("rgb", name, read_color)
-        depth_m = self._image("depth", name, read_depth)
+        color = self._image(self.color, name, COLOR_SUFFIXES, read_color)
+        depth_m = self._image("depth", name, (".png",), read_depth)
         camera, frame_id = self.calibration.intrinsics, self.calibration.camera_name
         frame = RgbdFrame(camera, color, depth_m, self.stamps_ns[name], frame_id, name)
         layout = self._truth("layout", name, N_FACES)
@@ -100,14 +119,15 @@ class FramesFolder:
         """
         known = set(self.names)
         if missing := [name for name in names if name not in known]:
-            raise DataError(f"{self.path} has no frame {missing[0]!r}")
-        return FramesFolder(self.path, self.calibration, names, self.stamps_ns, self.poses)
+            raise DataError(f"{self.path} has no frame {missing[0]!r}{did_you_mean(missing[0], self.names)}")
+        return replace(self, names=names)
 
-    def _image(self, kind: str, name: str, read: Callable[[Path], NDArray[_Pixels]]) -> NDArray[_Pixels] | None:
+    def _image(
+        self, kind: str, name: str, suffixes: tuple[str, ...], read: Callable[[Path], NDArray[_Pixels]]
+    ) -> NDArray[_Pixels] | None:
         folder = self.path / kind
         if not folder.is_dir():
             return None
-        suffixes = COLOR_SUFFIXES if kind == "rgb" else (".png",)
         for suffix in suffixes:
             if (path := folder / f"{name}{suffix}").exists():
                 return read(path)
@@ -134,19 +154,21 @@ def open_folder(path: Path) -> FramesFolder:
         When there is no camera.yaml, no frame, or a list beside the frames is bad.
     """
     if not is_frames_folder(path):
-        raise DataError(f"{path} has neither rgb/ nor depth/; it is no frames folder")
+        raise DataError(f"{path} has neither rgb/ (or color/, image/) nor depth/; it is no frames folder")
+    color = color_folder(path)
     calibration = read_calibration(path / "camera.yaml")
-    names = _names(path)
+    names = _names(path, color)
     if not names:
-        raise DataError(f"{path} holds no frames; rgb/NAME.jpg or .png and depth/NAME.png are needed")
+        raise DataError(f"{path} holds no frames; {color}/NAME.jpg or .png and depth/NAME.png are needed")
     stamps = {name: default_stamp_ns(i) for i, name in enumerate(names)}
     if (path / "stamps.txt").exists():
         stamps |= read_stamps(path / "stamps.txt")
     poses = read_poses(path / "poses.txt", names) if (path / "poses.txt").exists() else {}
-    return FramesFolder(path, calibration, names, stamps, poses)
+    return FramesFolder(path, calibration, names, stamps, poses, color)
 
 
-def _names(path: Path) -> tuple[str, ...]:
-    color = {p.stem for suffix in COLOR_SUFFIXES for p in path.glob(f"rgb/*{suffix}") if not p.name.startswith(".")}
+def _names(path: Path, color_name: str) -> tuple[str, ...]:
+    pictures = (p for suffix in COLOR_SUFFIXES for p in path.glob(f"{color_name}/*{suffix}"))
+    color = {p.stem for p in pictures if not p.name.startswith(".")}
     depth = {p.stem for p in path.glob("depth/*.png") if not p.name.startswith(".")}
     return tuple(sorted(color | depth))

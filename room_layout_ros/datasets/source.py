@@ -47,5 +47,5 @@ def open_source(path: Path | str, **options: Any) -> FrameSource:
 
         return open_nyu(path)
     raise DataError(
-        f"{path} is no frames folder (rgb/, depth/), no rosbag2 (metadata.yaml, .db3, .mcap) and no .mat file"
+        f"{path} is no frames folder (rgb/ or color/, depth/), no rosbag2 (metadata.yaml, .db3, .mcap) and no .mat file"
     )

@@ -38,7 +38,7 @@ def frames_apart(source: FrameSource) -> Iterator[FrameAt | Sample | BadFrame]:
     for name in source.names:
         poses = {name: source.poses[name]} if name in source.poses else {}
         stamps_ns = {name: source.stamps_ns[name]}
-        yield FrameAt(FramesFolder(path, source.calibration, (name,), stamps_ns, poses))
+        yield FrameAt(FramesFolder(path, source.calibration, (name,), stamps_ns, poses, source.color))
 
 
 def read_frame(item: FrameAt | Sample | BadFrame) -> Sample | BadFrame:
