@@ -130,6 +130,41 @@ def test_f08_a_bag_that_loops_starts_afresh_and_loses_no_pair(pairing: StreamPai
     assert [i for i, p in enumerate(pairs) if p.reset] == [60, 120]
 
 
+@pytest.mark.parametrize("frames", (2, 3, 5, 14))
+@pytest.mark.parametrize("offset_ms", (0, 5))
+def test_f08_a_bag_that_loops_within_the_reset_gap_goes_on(
+    pairing: StreamPairing[str], frames: int, offset_ms: int
+) -> None:
+    loop = sorted(both((frame(i) for i in range(frames)), offset_ms * MS), key=lambda m: m[1])
+    feed(pairing, loop * 5)  # it takes five messages to know it from late ones
+    for _ in range(10):
+        pairs = feed(pairing, loop)
+        assert len(pairs) >= frames - (1 if offset_ms else 0), "every loop that begins as one before"
+        assert [p.reset for p in pairs].count(True) == 1
+
+
+@pytest.mark.parametrize("alone", (COLOR, DEPTH))
+def test_f08_a_short_loop_of_one_stream_goes_on(alone: str) -> None:
+    pairing: StreamPairing[str] = StreamPairing(PairingRules(use_color=alone == COLOR, use_depth=alone == DEPTH))
+    loop = [(alone, frame(i)) for i in range(3)]
+    feed(pairing, loop * 4)
+    assert [p.reset for p in feed(pairing, loop * 3)] == [True, False, False] * 3
+
+
+def test_f08_old_messages_out_of_order_or_with_newer_ones_between_are_refused(pairing: StreamPairing[str]) -> None:
+    feed(pairing, both(frame(i) for i in range(10)))
+    falling = [(COLOR, frame(i)) for i in range(8, 0, -1)]
+    between = [m for i in range(10) for m in ((COLOR, frame(i)), *both([frame(10 + i)]))]
+    pairs = feed(pairing, [*falling, *between])
+    assert [p.stamp_ns for p in pairs] == [frame(10 + i) for i in range(10)]
+    assert not any(p.reset for p in pairs)
+    assert pairing.counts[COLOR].refused == {"late": 18}
+
+
+def test_f08_a_stamp_that_stands_still_is_no_loop(pairing: StreamPairing[str]) -> None:
+    assert len(feed(pairing, both([T0] * 50))) == 1
+
+
 def test_f09_a_jump_of_an_hour_forward_starts_afresh(pairing: StreamPairing[str]) -> None:
     hour = 3_600_000 * MS
     pairs = feed(pairing, both([frame(i) for i in range(5)] + [hour + frame(i) for i in range(5, 10)]))

@@ -31,6 +31,9 @@ _FORWARD_JUMPS = 10
 """A gap of this many `reset_gap`s between pairs is a jump of the clock or a new scene: start afresh."""
 _RUN_TO_TRUST = 3
 """After as many pairs without an exact one the streams are not stamped alike: stop waiting for equal stamps."""
+_RUN_TO_RESTART = 5
+"""As many old messages in a row, in order among themselves and none newer between them, are no late ones: time starts
+anew, as in a recording that loops and is shorter than `reset_gap`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,11 +81,37 @@ class StreamCount:
         return self.received - self.paired - self.superseded - self.refused.total()
 
 
+class _OldRun:
+    """Messages of a stream in a row that are not newer than its last pair."""
+
+    def __init__(self) -> None:
+        self.stamps: list[int] = []
+        self._loop_start = 0
+
+    def ends_with(self, stamp_ns: int) -> bool:
+        """Take the next; True where it shows that time has started anew.
+
+        A loop that is shorter than the run is in order up to the message that it begins with again. Where a run has
+        shown a loop, its first stamp does so at once from then on.
+        """
+        if stamp_ns == self._loop_start:
+            return True
+        if self.stamps and stamp_ns == self.stamps[-1]:
+            return False
+        if self.stamps and stamp_ns < self.stamps[-1] and stamp_ns not in self.stamps:
+            self.stamps.clear()
+        self.stamps.append(stamp_ns)
+        if len(self.stamps) < _RUN_TO_RESTART:
+            return False
+        self._loop_start = self.stamps[0]
+        return True
+
+
 class StreamPairing(Generic[Item]):
     """Pairs two streams by stamp: equal stamps first, then the nearest within `max_gap_ns`.
 
-    Stamps of the pairs rise; a pair that steps back by more than `reset_gap_ns` (a bag that loops) or far forward
-    is marked `reset`. Not thread-safe: the caller holds a lock.
+    Stamps of the pairs rise; a pair that steps back by more than `reset_gap_ns` (a bag that loops), by less after a run
+    of old messages in order (a shorter bag), or far forward is marked `reset`. Not thread-safe: a lock is the caller's.
     """
 
     def __init__(self, rules: PairingRules) -> None:
@@ -90,6 +119,8 @@ class StreamPairing(Generic[Item]):
         self._queues: dict[str, dict[int, Item]] = {COLOR: {}, DEPTH: {}}
         self._newest = {COLOR: 0, DEPTH: 0}
         self._emitted: dict[str, int | None] = {COLOR: None, DEPTH: None}
+        self._passed: dict[str, int | None] = {COLOR: None, DEPTH: None}  # as _emitted; None after a restart
+        self._old = {COLOR: _OldRun(), DEPTH: _OldRun()}
         self._run_without_exact = 0
         self._in_a_row = (COLOR, 0)
         self.turns_apart = 0
@@ -113,6 +144,8 @@ class StreamPairing(Generic[Item]):
             queue.clear()
         self._newest = {COLOR: 0, DEPTH: 0}
         self._emitted = {COLOR: None, DEPTH: None}
+        self._passed = {COLOR: None, DEPTH: None}
+        self._old = {COLOR: _OldRun(), DEPTH: _OldRun()}
         self._run_without_exact = 0
         self.turns_apart = 0
 
@@ -125,10 +158,13 @@ class StreamPairing(Generic[Item]):
     def add(self, stream: str, stamp_ns: int, item: Item) -> Pair[Item] | None:
         """Take one message; return the pair that it completes, if any."""
         fault = self._stamp_fault(stream, stamp_ns)
+        if fault in (DUPLICATE, LATE) and self._starts_anew(stream, stamp_ns):
+            fault = ""
         self.counts[stream].received += 1
         if fault:
             self._refuse_stamp(stream, fault, stamp_ns)
             return None
+        self._old[stream].stamps.clear()
         self._take_turn(stream)
         self._queues[stream][stamp_ns] = item
         self._newest[stream] = stamp_ns
@@ -148,7 +184,7 @@ class StreamPairing(Generic[Item]):
         self.turns_apart += stream != last
 
     def _stamp_fault(self, stream: str, stamp_ns: int) -> str:
-        last = self._emitted[stream]
+        last = self._passed[stream]
         if stamp_ns <= 0:
             return BAD_STAMP
         if stamp_ns in self._queues[stream] or stamp_ns == last:
@@ -156,6 +192,15 @@ class StreamPairing(Generic[Item]):
         if last is not None and last - self._rules.reset_gap_ns < stamp_ns < last:
             return LATE
         return ""
+
+    def _starts_anew(self, stream: str, stamp_ns: int) -> bool:
+        """Note a message that is not newer than the last pair; True where time has started anew with it."""
+        if not self._old[stream].ends_with(stamp_ns):
+            return False
+        self.counts[stream].superseded += len(self._queues[stream])
+        self._queues[stream].clear()
+        self._passed[stream] = None
+        return True
 
     def _complete(self, stream: str, stamp_ns: int) -> Pair[Item] | None:
         if not (self._rules.use_color and self._rules.use_depth):
@@ -189,11 +234,11 @@ class StreamPairing(Generic[Item]):
 
     def _emit(self, color: int, depth: int) -> Pair[Item]:
         last = self._emitted[DEPTH]
-        back = last is not None and depth < last
+        back = last is not None and depth <= last
         forward = last is not None and depth > last + _FORWARD_JUMPS * self._rules.reset_gap_ns
         pair = Pair(depth, self._queues[COLOR].pop(color), self._queues[DEPTH].pop(depth), back or forward)
         for stream, stamp in ((COLOR, color), (DEPTH, depth)):
-            self._emitted[stream] = stamp
+            self._emitted[stream] = self._passed[stream] = stamp
             self.counts[stream].paired += 1
             self._forget(stream, stamp, back)
         return pair
@@ -204,9 +249,9 @@ class StreamPairing(Generic[Item]):
             self.counts[stream].superseded += 1
             return None
         last = self._emitted[stream]
-        back = last is not None and stamp_ns < last
+        back = last is not None and stamp_ns <= last
         forward = last is not None and stamp_ns > last + _FORWARD_JUMPS * self._rules.reset_gap_ns
-        self._emitted[stream] = stamp_ns
+        self._emitted[stream] = self._passed[stream] = stamp_ns
         self.counts[stream].paired += 1
         color, depth = (item, None) if stream == COLOR else (None, item)
         return Pair(stamp_ns, color, depth, back or forward)
