@@ -50,6 +50,16 @@ def test_silence_names_the_stream_its_topic_and_the_publishers(stream: str, name
     assert nobody.message.endswith("nobody publishes it")
 
 
+def test_a_stream_of_which_every_message_is_refused_is_told_to_the_log() -> None:
+    fault = {"received": 330, "refused": {"late": 30}, "last_refusal": "color stamp 1.033 s is older"}
+    some = findings(with_stream(COLOR, **fault, refused_s=2.0))["input colour"]
+    assert (some.message, some.logged) == ("30 of 30 messages refused: color stamp 1.033 s is older", True)
+    every = findings(with_stream(COLOR, **fault, refused_s=12.2))["input colour"]
+    assert every.level == Level.ERROR
+    assert every.message == "every colour message is refused for 12 s now: color stamp 1.033 s is older"
+    assert not every.logged
+
+
 def test_silence_counts_from_the_subscription() -> None:
     health = with_stream(COLOR, silence_s=float("inf"))
     assert findings(health, facts=replace(FACTS, listening_s=2.0))["input colour"].level == Level.OK

@@ -448,3 +448,20 @@ def test_f41_messages_from_many_threads_are_all_accounted_for(session: Estimator
         thread.join()
     health = settled(session)
     assert health.streams[COLOR].received == health.streams[DEPTH].received == 400
+
+
+def test_how_long_every_message_has_been_refused_is_known(stages: Stages) -> None:
+    clock = [0]
+    session = EstimatorSession(stages, SessionRules(PairingRules()), lambda: clock[0])
+
+    def refused_s(stream: str) -> float:
+        return session.health().streams[stream].refused_s
+
+    for second in range(4):
+        clock[0] = second * 10**9
+        session.add_image(COLOR, T0, "color")  # a stamp that stands still
+        session.add_image(DEPTH, T0 + second, "depth")
+    assert (refused_s(COLOR), refused_s(DEPTH)) == (2.0, 0.0)
+    session.add_image(COLOR, T0 + 33 * MS, "color")
+    assert refused_s(COLOR) == 0.0
+    assert session.close(5.0)

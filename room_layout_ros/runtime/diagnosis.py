@@ -107,6 +107,8 @@ def _input_state(stream: str, now: StreamHealth, before: StreamHealth, facts: No
     if graph.qos_clash:
         return Level.ERROR, f"no {name}: a publisher of {graph.topic} has another QoS policy {graph.qos_clash}"
     refused = sum(now.refused.values()) - sum(before.refused.values())
+    if refused and now.last_refusal and now.refused_s > facts.no_data_timeout_s:
+        return Level.ERROR, f"every {name} message is refused for {now.refused_s:.0f} s now: {now.last_refusal}"
     if refused and now.last_refusal:
         return Level.ERROR, f"{refused} of {now.received - before.received} messages refused: {now.last_refusal}"
     silence = min(now.silence_s, facts.listening_s)

@@ -30,6 +30,8 @@ class StreamHealth:
     usable_silence_s: float = float("inf")
     """Time since the last message whose content could be used."""
     last_refusal: str = ""
+    refused_s: float = 0.0
+    """For how long every message has been refused; 0 where the last was not."""
 
 
 NO_DEPTH, NOT_USED, NO_FLOOR = "too little depth", "use_depth is false", "none in view, none given"
@@ -191,6 +193,14 @@ class StreamTimes:
     usable: Rate = field(default_factory=Rate)
     lost: int = 0
     last_refusal: str = ""
+    refused_since_ns: int | None = None
+    """When the first of the messages was refused since the last that was not."""
+
+    def note_refusal(self, sentence: str, now_ns: int) -> None:
+        """Take what was wrong with a message."""
+        self.last_refusal = sentence
+        if self.refused_since_ns is None:
+            self.refused_since_ns = now_ns
 
 
 def stream_snapshot(count: StreamCount, times: StreamTimes, now_ns: int) -> StreamHealth:
@@ -206,6 +216,7 @@ def stream_snapshot(count: StreamCount, times: StreamTimes, now_ns: int) -> Stre
         silence_s=times.all.silence_s(now_ns),
         usable_silence_s=times.usable.silence_s(now_ns),
         last_refusal=times.last_refusal,
+        refused_s=0.0 if times.refused_since_ns is None else (now_ns - times.refused_since_ns) * 1e-9,
     )
 
 

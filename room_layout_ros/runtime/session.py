@@ -150,7 +150,10 @@ class EstimatorSession:
             pair = self._pairing.add(stream, stamp_ns, item)
             if self._pairing.counts[stream].refused.total() > refused:
                 reason, stamp = self._pairing.last_fault[stream]
-                self._times[stream].last_refusal = f"{stream} stamp {stamp * 1e-9:.3f} s {STAMP_FAULTS[reason]}"
+                sentence = f"{stream} stamp {stamp * 1e-9:.3f} s {STAMP_FAULTS[reason]}"
+                self._times[stream].note_refusal(sentence, now)
+            else:
+                self._times[stream].refused_since_ns = None
             if pair is None:
                 return
             self._pairs.made += 1
@@ -181,6 +184,7 @@ class EstimatorSession:
     def _take(self, stream: str) -> None:
         self._times[stream].all.tick(self._clock())
         self._times[stream].usable.tick(self._clock())
+        self._times[stream].refused_since_ns = None
         self._counts[stream].received += 1
         self._counts[stream].paired += 1
 
@@ -192,8 +196,9 @@ class EstimatorSession:
     def count_refused(self, stream: str, reason: str, sentence: str) -> None:
         """Count a message that could not be used, without a word in the log."""
         with self._lock:
-            self._times[stream].all.tick(self._clock())
-            self._times[stream].last_refusal = sentence
+            now = self._clock()
+            self._times[stream].all.tick(now)
+            self._times[stream].note_refusal(sentence, now)
             if stream in self._counts:
                 self._counts[stream].received += 1
                 self._counts[stream].refused[reason] += 1
@@ -209,6 +214,8 @@ class EstimatorSession:
         """Forget all that came before; what waits is dropped. The newest camera stays."""
         with self._lock:
             self._pairing.reset()
+            for times in self._times.values():
+                times.refused_since_ns = None
             self._restart()
             self._loop.discard("reset")
 
