@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -16,10 +17,13 @@ from room_layout_ros.cli import main as room_layout
 from room_layout_ros.commands import demo, demo_live
 from room_layout_ros.commands.demo_pictures import ANIMATION_FRAMES, evenly, write_animation
 from room_layout_ros.commands.demo_results import read_recording
+from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.freespace import compute_free_space
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 from room_layout_ros.datasets import CameraCalibration, DataError, good_samples, open_source
 from room_layout_ros.datasets import bag_messages as messages
+from room_layout_ros.evaluation.floor_picture import FREE_COLOR, OCCUPIED_COLOR, UNKNOWN_COLOR
 
 N_FRAMES = 3
 
@@ -72,7 +76,46 @@ def test_moving_picture_has_every_frame_beside_its_estimate(made: Path) -> None:
     with Image.open(made / "overlay.webp") as picture:
         assert picture.is_animated  # type: ignore[attr-defined]
         assert picture.n_frames == N_FRAMES  # type: ignore[attr-defined]
-        assert picture.size == (960, 360)
+        assert picture.size == (1440, 360), "colour, estimate, free space"
+
+
+def test_page_shows_the_free_space_that_was_recorded_and_says_what_its_colours_are(made: Path) -> None:
+    page = check_page(made)
+    assert "free-space.png" in page
+    for words in ("green: floor that was seen free", "red: occupied", "grey: not known"):
+        assert words in page
+    recording, config = read_recording(next((made / "results").glob("*.mcap"))), LayoutEstimator().config
+    estimator, prior = LayoutEstimator(), TemporalPrior()
+    for sample in good_samples(open_source(made / "input")):
+        estimate = estimator.estimate(sample.frame, prior)
+        prior = next_prior(estimate)
+        geometry = compute_depth_geometry(sample.frame, config)
+        assert geometry is not None
+        space = compute_free_space(geometry, estimate, config, color=sample.frame.color)
+        assert space is not None
+        grid = recording.free_space[sample.frame.stamp_ns]
+        np.testing.assert_array_equal(grid.cells, space.grid)
+        assert grid.origin_m == pytest.approx(space.origin_m)
+    with Image.open(made / "free-space.png") as picture:
+        colors = np.asarray(picture.convert("RGB")).reshape(-1, 3)
+    for color in (FREE_COLOR, OCCUPIED_COLOR, UNKNOWN_COLOR):
+        assert (colors == color).all(axis=1).mean() > 0.01
+
+
+def test_frames_without_depth_have_no_free_space_and_the_page_says_so(made: Path, tmp_path: Path) -> None:
+    frames, out = tmp_path / "frames", tmp_path / "out"
+    assert room_layout(["convert", str(made / "input"), str(frames)]) == 0
+    shutil.rmtree(frames / "depth")
+    assert room_layout(["demo", "--no-node", "--input", str(frames), "--out", str(out)]) == 0
+    assert "There is no free space to show" in check_page(out)
+    assert not (out / "free-space.png").exists()
+
+
+def test_each_step_is_told_when_it_begins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert room_layout(["demo", "--no-node", "--frames", "1", "--out", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr().err.splitlines()
+    assert [line.split()[1] for line in told if line.startswith("demo: ")] == ["render", "estimate", "draw"]
+    assert any("the first run" in line for line in told)
 
 
 def test_demo_replaces_its_own_folder_and_no_other(made: Path, tmp_path: Path) -> None:

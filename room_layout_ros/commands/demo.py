@@ -2,7 +2,8 @@
 
 Without --input a short walk through a furnished room is rendered, with known truth. With --input the frames come
 from a frames folder or a bag. Player, estimator node and recorder are three processes that talk over DDS.
-The folder gets index.html, contact-sheet.png, overlay.webp, the input as a bag and the node's results as an MCAP.
+The folder gets index.html, contact-sheet.png, free-space.png, overlay.webp, the input as a bag and the node's results
+as an MCAP.
 Where ROS is not installed the same bag runs through the same estimator without the node.
 """
 
@@ -21,7 +22,14 @@ import numpy as np
 
 from room_layout_ros.commands.demo_offline import run_offline
 from room_layout_ros.commands.demo_page import DemoFacts, demo_html
-from room_layout_ros.commands.demo_pictures import side_by_side, write_animation, write_sheets
+from room_layout_ros.commands.demo_pictures import (
+    ANIMATION_TILE,
+    Image,
+    side_by_side,
+    write_animation,
+    write_floors,
+    write_sheets,
+)
 from room_layout_ros.commands.demo_results import Recording, read_recording
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
@@ -29,12 +37,15 @@ from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.datasets import BadFrame, DataError, FrameSource, Sample, open_source
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.datasets.writers import BagWriter
+from room_layout_ros.evaluation.floor_picture import draw_floor, known_box
 from room_layout_ros.evaluation.measures import score_pixels
 from room_layout_ros.evaluation.pictures import base_image
 from room_layout_ros.extras import install_hint
 
 MADE_BY_US = ".room-layout-demo"
 """A folder with this file was made by the demo and may be replaced by the next one."""
+
+_FIRST_TIME = "the first run on a machine compiles for one to two minutes"
 
 RENDERED_FRAMES = 60
 RENDERED_SEED = 4
@@ -68,19 +79,28 @@ def run(arguments: argparse.Namespace) -> int:
     out: Path = arguments.out
     _make_folder(out)
     bag = out / "input"
+    _say(f"{'render a room' if arguments.input is None else 'read the frames'}, write a bag")
     look, left_out = _write_bag(source, bag, arguments.frames)
     if live:
         from room_layout_ros.commands.demo_live import run_live
 
+        _say(f"play {len(look)} frames into the node and record what it publishes ({_FIRST_TIME})")
         mcap, notes = run_live(bag, out, len(look), arguments.rate)
     else:
+        _say(f"estimate {len(look)} frames ({_FIRST_TIME})")
         with progress_bar("estimate", len(look)) as progress:
             mcap = run_offline(open_source(bag), out / "results", progress)
         notes = ()
+    _say("draw the pictures and write the page")
     recording = read_recording(mcap)
     made = _show(out, source, look, recording, mcap, bag, live, (*left_out, *notes))
     print("\n".join(str(path) for path in made))
     return 0
+
+
+def _say(step: str) -> None:
+    """Tell what begins now, beside the paths on stdout."""
+    print(f"demo: {step}", file=sys.stderr, flush=True)
 
 
 def ros_is_here() -> bool:
@@ -165,8 +185,11 @@ def _show(
     overlays = [(look[stamp].name, recording.overlay[stamp]) for stamp in stamps]
     sheets = write_sheets(out / "contact-sheet.png", overlays)
     animation = out / "overlay.webp"
-    pairs = [side_by_side(look[stamp].picture, recording.overlay[stamp]) for stamp in stamps]
-    write_animation(animation, pairs, max(stamps[-1] - stamps[0], 1) * 1e-9)
+    floors = _floors(recording, stamps)
+    if floors:
+        write_floors(out / "free-space.png", [(look[stamp].name, floors[stamp]) for stamp in stamps])
+    shown = [(look[stamp].picture, recording.overlay[stamp]) + ((floors[stamp],) if floors else ()) for stamp in stamps]
+    write_animation(animation, [side_by_side(*pictures) for pictures in shown], max(stamps[-1] - stamps[0], 1) * 1e-9)
     facts = DemoFacts(
         title="Room layout, live" if live else "Room layout",
         source=f"{source.title}, {len(look)} frames",
@@ -176,6 +199,7 @@ def _show(
         animation=animation.relative_to(out),
         sheet=sheets[0].relative_to(out),
         sheets=[sheet.relative_to(out) for sheet in sheets],
+        floors=Path("free-space.png") if floors else None,
         mcap=mcap.relative_to(out),
         bag=bag.relative_to(out),
         commands=_by_hand(bag),
@@ -183,7 +207,16 @@ def _show(
     )
     page = out / "index.html"
     write_atomically(page, demo_html(facts).encode())
-    return [*sheets, animation, mcap, page]
+    return [*sheets, *([out / "free-space.png"] if floors else []), animation, mcap, page]
+
+
+def _floors(recording: Recording, stamps: list[int]) -> dict[int, Image]:
+    """Return the free space by stamp as pictures of the same part of the floor; none where no frame has any."""
+    grids = {stamp: recording.free_space.get(stamp) for stamp in stamps}
+    if not any(grids.values()):
+        return {}
+    box = known_box(grid for grid in grids.values() if grid is not None)
+    return {stamp: draw_floor(grid, box, ANIMATION_TILE) for stamp, grid in grids.items()}
 
 
 def _cards(look: dict[int, _Seen], recording: Recording, stamps: list[int]) -> list[tuple[str, str, str]]:

@@ -9,14 +9,22 @@ from typing import Any
 import numpy as np
 
 from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.core.freespace import compute_free_space
 from room_layout_ros.core.labels import LABEL_COLORS
 from room_layout_ros.core.picture import draw_overlay
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 from room_layout_ros.datasets import FrameSource, good_samples
-from room_layout_ros.datasets.bag_messages import IMAGE, encode_image_message, typestore
+from room_layout_ros.datasets.bag_messages import (
+    IMAGE,
+    OCCUPANCY_GRID,
+    encode_grid,
+    encode_image_message,
+    typestore,
+)
 
 NODE = "/estimator"
 MARKERS = "visualization_msgs/msg/MarkerArray"
@@ -47,7 +55,7 @@ def run_offline(source: FrameSource, out: Path, progress: Callable[[int], object
         for count, sample in enumerate(good_samples(source), 1):
             estimate = estimator.estimate(sample.frame, prior)
             prior = next_prior(estimate)
-            for topic, kind, raw in _messages(sample.frame, estimate):
+            for topic, kind, raw in _messages(sample.frame, estimate, estimator.config):
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind, typestore=typestore())
                 writer.write(connections[topic], sample.frame.stamp_ns, raw)
@@ -55,7 +63,7 @@ def run_offline(source: FrameSource, out: Path, progress: Callable[[int], object
     return next(out.glob("*.mcap"))
 
 
-def _messages(frame: RgbdFrame, estimate: RoomEstimate) -> list[tuple[str, str, bytes]]:
+def _messages(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -> list[tuple[str, str, bytes]]:
     stamp_ns, frame_id = frame.stamp_ns, frame.frame_id or "camera"
     images = {
         "overlay": (draw_overlay(frame, estimate), "rgb8"),
@@ -67,7 +75,13 @@ def _messages(frame: RgbdFrame, estimate: RoomEstimate) -> list[tuple[str, str, 
         (f"{NODE}/{name}", IMAGE, encode_image_message(pixels, encoding, stamp_ns, frame_id))
         for name, (pixels, encoding) in images.items()
     ]
-    return [*messages, (f"{NODE}/markers", MARKERS, _markers(estimate, stamp_ns, frame_id))]
+    messages.append((f"{NODE}/markers", MARKERS, _markers(estimate, stamp_ns, frame_id)))
+    geometry = compute_depth_geometry(frame, config)
+    space = None if geometry is None else compute_free_space(geometry, estimate, config, color=frame.color)
+    if space is not None:
+        raw = encode_grid(space.grid, space.resolution_m, space.origin_m, stamp_ns, f"{frame_id}_floor")
+        messages.append((f"{NODE}/free_space", OCCUPANCY_GRID, raw))
+    return messages
 
 
 def _markers(estimate: RoomEstimate, stamp_ns: int, frame_id: str) -> bytes:

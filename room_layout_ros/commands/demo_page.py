@@ -9,6 +9,7 @@ from pathlib import Path
 
 from room_layout_ros.core.labels import LABEL_COLORS, LABEL_NAMES
 from room_layout_ros.evaluation import page
+from room_layout_ros.evaluation.floor_picture import FREE_COLOR, OCCUPIED_COLOR, UNKNOWN_COLOR
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +20,8 @@ class DemoFacts:
     ----------
     title, source : what was shown. live : through the node over DDS, or without ROS.
     cards : (number, what, beside). topics : (name, type, messages) of the recording.
-    animation, sheet, mcap, bag : paths relative to the page. sheets : all contact sheets.
+    animation, sheet, mcap, bag : paths relative to the page. sheets : all contact sheets. floors : picture of the free
+        space of some frames; None where no frame has any.
     commands : what was run, for whoever wants to repeat it. notes : anything that fell short.
     """
 
@@ -31,6 +33,7 @@ class DemoFacts:
     animation: Path
     sheet: Path
     sheets: Sequence[Path]
+    floors: Path | None
     mcap: Path
     bag: Path
     commands: Sequence[str]
@@ -44,9 +47,19 @@ a robot. Everything on this page comes from that recording."""
 _OFFLINE = """No ROS 2 wheels exist for this machine, so the same bag went through the same estimator without the node.
 Results and recording are the same; only the transport over DDS was left out."""
 
-_READING = """Left is what the camera saw. Right is what the estimator says: the room's ceiling, floor and walls as
+_READING = """Left is what the camera saw. Beside it is what the estimator says: the room's ceiling, floor and walls as
 coloured faces with their edges drawn also behind furniture, and everything that stands in the room in grey."""
 
+
+_FLOORS = """The same frames from above, the camera at the blue dot looking up, a square a metre:"""
+
+_FLOOR_COLORS = (
+    ("green: floor that was seen free", FREE_COLOR),
+    ("red: occupied, a wall or a thing", OCCUPIED_COLOR),
+    ("grey: not known, behind things or out of view", UNKNOWN_COLOR),
+)
+
+_NO_FLOORS = "There is no free space to show: it needs depth, and floor in view."
 
 _FOXGLOVE = """(or <code>ros2 bag play</code> it). In a 3D panel switch on <code>markers</code>; an Image panel shows
 <code>overlay</code>."""
@@ -58,10 +71,12 @@ def demo_html(facts: DemoFacts) -> str:
     more = [_link(sheet) for sheet in facts.sheets if sheet != facts.sheet]
     body = [
         f"<h1>{escape(facts.title)}</h1><p class='soft'>{escape(facts.source)}</p>",
-        _image(facts.animation, "colour beside the estimate, moving"),
+        _image(facts.animation, "colour, the estimate, and the free space from above, moving"),
         page.legend(names[1:]),
         f"<p>{_READING}</p>",
         page.cards(facts.cards),
+        "<h2>Where a robot can drive</h2>",
+        *_floors(facts.floors),
         *(f"<p><b>Note:</b> {escape(note)}</p>" for note in facts.notes),
         "<h2>What just happened</h2>",
         f"<p>{_LIVE if facts.live else _OFFLINE}</p>",
@@ -75,6 +90,12 @@ def demo_html(facts: DemoFacts) -> str:
         f"<pre><code>{escape(chr(10).join(facts.commands))}</code></pre>",
     ]
     return page.page(facts.title, body)
+
+
+def _floors(picture: Path | None) -> list[str]:
+    if picture is None:
+        return [f"<p>{_NO_FLOORS}</p>"]
+    return [f"<p>{_FLOORS}</p>", page.legend(_FLOOR_COLORS), _image(picture, "free space from above")]
 
 
 def _image(path: Path, alt: str) -> str:

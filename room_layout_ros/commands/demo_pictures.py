@@ -17,11 +17,12 @@ from room_layout_ros.extras import install_hint
 
 Image = NDArray[np.uint8]
 SHEET_FRAMES = 24
+FLOOR_FRAMES = 12
 ANIMATION_FRAMES = 120
 """More frames are thinned out evenly: a page should open at once."""
 
 _TILE = (320, 240)
-_ANIMATION_TILE = (480, 360)
+ANIMATION_TILE = (480, 360)
 
 
 def evenly(count: int, wanted: int) -> list[int]:
@@ -43,9 +44,15 @@ def write_sheets(path: Path, frames: Sequence[tuple[str, Image]], columns: int =
     return written
 
 
-def side_by_side(left: Image, right: Image) -> Image:
-    """Return two pictures beside each other at the animation's size."""
-    return np.hstack([cv2.resize(image, _ANIMATION_TILE, interpolation=cv2.INTER_AREA) for image in (left, right)])
+def write_floors(path: Path, frames: Sequence[tuple[str, Image]], columns: int = 4) -> None:
+    """Write the free space of an even choice of frames."""
+    chosen = [frames[i] for i in evenly(len(frames), FLOOR_FRAMES)]
+    write_image(path, pictures.tiles(chosen, min(columns, len(chosen)), _TILE))
+
+
+def side_by_side(*images: Image) -> Image:
+    """Return pictures beside each other, each at the animation's size."""
+    return np.hstack([cv2.resize(image, ANIMATION_TILE, interpolation=cv2.INTER_AREA) for image in images])
 
 
 def write_animation(path: Path, frames: Sequence[Image], seconds: float) -> None:

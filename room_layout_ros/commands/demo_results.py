@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from room_layout_ros.datasets import DataError
 from room_layout_ros.datasets.bag import open_reader, raw_messages
-from room_layout_ros.datasets.bag_messages import IMAGE, decode, stamp_of
+from room_layout_ros.datasets.bag_messages import IMAGE, OCCUPANCY_GRID, decode, stamp_of
+from room_layout_ros.evaluation.floor_picture import FloorGrid
 
 Image = NDArray[np.uint8]
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
@@ -27,6 +28,7 @@ class Recording:
     ----------
     topics : (name, type, messages) in the order of their names.
     overlay, layout, labels : by stamp in nanoseconds; (H, W, 3) and (H, W) uint8.
+    free_space : by stamp; of frames with floor in view.
     health : what the node last said of itself on /diagnostics ("latency_p50_ms": "41.2"); empty without a node.
     """
 
@@ -34,6 +36,7 @@ class Recording:
     overlay: dict[int, Image]
     layout: dict[int, Image]
     labels: dict[int, Image]
+    free_space: dict[int, FloorGrid]
     health: dict[str, str]
 
 
@@ -48,6 +51,7 @@ def read_recording(path: Path) -> Recording:
     pictures: dict[str, dict[int, Image]] = {"overlay": {}, "layout": {}, "labels": {}}
     counts: Counter[tuple[str, str]] = Counter()
     health: dict[str, str] = {}
+    free_space: dict[int, FloorGrid] = {}
     with open_reader(path) as reader:
         for connection, _, raw in raw_messages(reader, {c.topic for c in reader.connections}, path):
             counts[connection.topic, connection.msgtype] += 1
@@ -55,6 +59,9 @@ def read_recording(path: Path) -> Recording:
             if kind in pictures and connection.msgtype == IMAGE:
                 message = decode(raw, IMAGE)
                 pictures[kind][stamp_of(message)] = pixels(message)
+            elif kind == "free_space" and connection.msgtype == OCCUPANCY_GRID:
+                message = decode(raw, OCCUPANCY_GRID)
+                free_space[stamp_of(message)] = FloorGrid.of_message(message)
             elif connection.msgtype == DIAGNOSTICS:
                 statuses = decode(raw, DIAGNOSTICS).status
                 health |= {value.key: value.value for status in statuses for value in status.values}
@@ -62,7 +69,7 @@ def read_recording(path: Path) -> Recording:
     if not pictures["overlay"]:
         seen = ", ".join(f"{t} ({n})" for t, _, n in topics) or "nothing"
         raise DataError(f"{path} holds no overlay picture; recorded was {seen}")
-    return Recording(topics, **pictures, health=health)
+    return Recording(topics, **pictures, free_space=free_space, health=health)
 
 
 def pixels(message: Any) -> Image:

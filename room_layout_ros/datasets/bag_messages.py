@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO, POSE = "sensor_msgs/msg/CameraInfo", "geometry_msgs/msg/PoseStamped"
+OCCUPANCY_GRID = "nav_msgs/msg/OccupancyGrid"
 
 _COLOR = {
     "rgb8": (3, None),
@@ -71,6 +72,23 @@ def encode_image_message(pixels: NDArray[Any], encoding: str, stamp_ns: int, fra
         step=content.size // height, data=content,
     )  # fmt: skip
     return bytes(typestore().serialize_cdr(message, IMAGE))
+
+
+def encode_grid(
+    cells: NDArray[np.int8], resolution_m: float, origin_m: tuple[float, float], stamp_ns: int, frame_id: str
+) -> bytes:
+    """Return the CDR of a nav_msgs/OccupancyGrid; row i of the (rows, cols) cells lies along y, column j along x."""
+    types, header = typestore().types, _header(stamp_ns, frame_id)
+    pose = types["geometry_msgs/msg/Pose"](
+        position=types["geometry_msgs/msg/Point"](x=origin_m[0], y=origin_m[1], z=0.0),
+        orientation=types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0),
+    )
+    info = types["nav_msgs/msg/MapMetaData"](
+        map_load_time=header.stamp, resolution=resolution_m, width=cells.shape[1], height=cells.shape[0], origin=pose
+    )
+    data = np.ascontiguousarray(cells, np.int8).reshape(-1)
+    message = types[OCCUPANCY_GRID](header=header, info=info, data=data)
+    return bytes(typestore().serialize_cdr(message, OCCUPANCY_GRID))
 
 
 def encode_camera_info(calibration: CameraCalibration, stamp_ns: int, frame_id: str) -> bytes:
