@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
+from msg_adapters.text import clean_text
+
 from .core.config import Parameter, Value, parameters
 
 Table = TypeVar("Table")
+
+_OF_ROS = ("qos_overrides.",)
+"""Parameters that rclpy declares later, with the topics."""
 
 _INT_MAX = 2**31 - 1
 
@@ -51,6 +57,25 @@ def declare(node: Node, tables: Iterable[type]) -> None:
     for table in tables:
         for row in parameters(table):
             node.declare_parameter(row.name, row.default, describe(row))
+
+
+def refuse_unknown(node: Node) -> None:
+    """Look for values given at the start that no declared parameter takes; rclpy passes over them without a word.
+
+    Raises
+    ------
+    ValueError
+        With the name, and that of the parameter which is nearest to it.
+    """
+    given = node._parameter_overrides  # rclpy tells them to nobody
+    unknown = sorted(name for name in given if not node.has_parameter(name) and not name.startswith(_OF_ROS))
+    if not unknown:
+        return
+    known = sorted(node.get_parameters_by_prefix(""))
+    near = difflib.get_close_matches(unknown[0], known, 1)
+    hint = f"the nearest name is {near[0]}" if near else "`ros2 param list` and docs/parameters.md have all of them"
+    more = f" (and {len(unknown) - 1} more)" if len(unknown) > 1 else ""
+    raise ValueError(f"{clean_text(unknown[0])} is no parameter of this node{more}; {hint}")
 
 
 def read(node: Node, table: type[Table]) -> Table:

@@ -51,6 +51,7 @@ class Shell:
         self._node, self._make_estimator = node, make_estimator
         self._throttle, self._jump_throttle = Throttle(), Throttle(_JUMP_PERIOD_S)
         parameters.declare(node, (EstimatorConfig, NodeConfig))
+        parameters.refuse_unknown(node)
         config, own = parameters.read(node, EstimatorConfig), parameters.read(node, NodeConfig)
         self._settings = Settings.make(config, own, make_estimator)
         self._transforms = Transforms(node)

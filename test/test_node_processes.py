@@ -213,6 +213,8 @@ def end_in_time(node: subprocess.Popen[str], number: signal.Signals) -> None:
         (f"{DEPTH}:=0", f"{DEPTH} is 0; it must be at least 1"),
         ("qos_overrides./estimator/labels.publisher.reliability:=sometimes", "sometimes"),
         ("use_color:=false -p use_depth:=false", "use_color and use_depth are both false"),
+        ("robot_hieght_m:=1.0", "'robot_hieght_m' is no parameter of this node; the nearest name is robot_height_m"),
+        ("xyzzy:=1.0 -p qqq:=2", "'qqq' is no parameter of this node (and 1 more); `ros2 param list`"),
     ),
 )
 def test_f33_wrong_settings_at_the_start_are_a_sentence_and_exit_code_2(
@@ -223,6 +225,50 @@ def test_f33_wrong_settings_at_the_start_are_a_sentence_and_exit_code_2(
     assert node.returncode == 2, said
     assert "Traceback" not in said
     assert words in said.splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("word", "words"),
+    (
+        ("robot_height_m:=1.0", "estimator --ros-args -p robot_height_m:=1.0"),
+        ("__node:=left", "estimator --ros-args -r __node:=left"),
+        ("rgb/image_rect_color:=/x", "estimator --ros-args -r rgb/image_rect_color:=/x"),
+        ("--params-file", "'--params-file' is no argument"),
+        ("-- extra", "'--' is no argument"),
+        ("--ros-args -r __node:=left -- extra", "'extra' is no argument"),
+    ),
+)
+def test_f33_words_that_are_none_of_ros_are_refused(repository: Path, word: str, words: str) -> None:
+    with python(repository, "-m", "room_layout_ros.node", *word.split()) as node:
+        said = rest(node, 30)
+    assert node.returncode == 2, said
+    assert len(said.splitlines()) == 1
+    assert words in said
+
+
+@pytest.mark.parametrize("main", ("main", "lifecycle_main"))
+def test_help_says_how_it_is_used_and_starts_nothing(repository: Path, main: str) -> None:
+    with python(
+        repository, "-c", f"from room_layout_ros.node import {main}; raise SystemExit({main}())", "--help"
+    ) as node:
+        said = rest(node, 30)
+    assert node.returncode == 0, said
+    assert said.startswith("usage: lifecycle_estimator" if main == "lifecycle_main" else "usage: estimator")
+    assert "docs/parameters.md" in said
+
+
+def test_what_ros_and_launch_files_give_at_the_start_is_taken(repository: Path) -> None:
+    given: tuple[str, ...] = (
+        "-r __node:=left",
+        "-r __ns:=/a",
+        "-r rgb/camera_info:=/x",
+        "-p use_sim_time:=false",
+        "--log-level info",
+    )
+    given += ("-p start_type_description_service:=false", f"-p {RELIABILITY}:=reliable", "-p robot_height_m:=1.0")
+    with python(repository, *NODE, *" ".join(given).split()) as node:
+        assert "a.left" in read_until(node, "warm after|ready after")
+        end_in_time(node, signal.SIGINT)
 
 
 def test_f33_a_missing_parameter_file_is_a_sentence_and_exit_code_2(repository: Path) -> None:
