@@ -82,7 +82,7 @@ def test_moving_picture_has_every_frame_beside_its_estimate(made: Path) -> None:
 def test_page_shows_the_free_space_that_was_recorded_and_says_what_its_colours_are(made: Path) -> None:
     page = check_page(made)
     assert "free-space.png" in page
-    for words in ("green: floor that was seen free", "red: occupied", "grey: not known"):
+    for words in ("green: floor that was seen free", "red: occupied, a wall or a thing", "grey: not known"):
         assert words in page
     recording, config = read_recording(next((made / "results").glob("*.mcap"))), LayoutEstimator().config
     estimator, prior = LayoutEstimator(), TemporalPrior()

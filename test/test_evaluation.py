@@ -16,6 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from browser import BROWSER, Browser
 
 from room_layout_ros.cli import main as room_layout
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
@@ -139,6 +140,24 @@ def rendered(tmp_path_factory: pytest.TempPathFactory) -> Run:
     with contextlib.redirect_stdout(printed):
         assert room_layout([*arguments, "--curve", str(folder / "curve.json"), "--out", str(folder / "out")]) == 0
     return Run(printed.getvalue(), folder / "out", read_c_curve(folder / "curve.json"))
+
+
+def test_published_rows_are_said_to_be_of_nyu_and_not_of_the_data_set_of_these_frames(rendered: Run) -> None:
+    for told in (rendered.printed, " ".join(rendered.page.split())):
+        assert "their authors' own images of NYU v2" in told
+        assert "same data set" not in told
+
+
+@pytest.mark.skipif(BROWSER is None, reason="neither chromium nor google-chrome is on this machine")
+def test_every_table_fits_into_a_window_of_1280_pixels(rendered: Run, tmp_path: Path) -> None:
+    browser = Browser(tmp_path, (1280, 900))
+    try:
+        browser.open((rendered.out / "report.html").absolute().as_uri())
+        browser.wait_for("document.readyState === 'complete' && document.querySelectorAll('.scroll').length > 2")
+        hidden = browser.value("[...document.querySelectorAll('.scroll')].map(s => s.scrollWidth - s.clientWidth)")
+    finally:
+        browser.close()
+    assert max(hidden) <= 0
 
 
 def test_evaluate_prints_ours_beside_the_paper(rendered: Run) -> None:

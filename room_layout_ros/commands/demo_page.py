@@ -51,12 +51,13 @@ _READING = """Left is what the camera saw. Beside it is what the estimator says:
 coloured faces with their edges drawn also behind furniture, and everything that stands in the room in grey."""
 
 
-_FLOORS = """The same frames from above, the camera at the blue dot looking up, a square a metre:"""
+_FLOORS = """The same frames from above, as on the right of the moving picture: the camera is the blue dot and looks up,
+a square is a metre. What is behind things or out of view is not known, and so not free."""
 
 _FLOOR_COLORS = (
     ("green: floor that was seen free", FREE_COLOR),
     ("red: occupied, a wall or a thing", OCCUPIED_COLOR),
-    ("grey: not known, behind things or out of view", UNKNOWN_COLOR),
+    ("grey: not known", UNKNOWN_COLOR),
 )
 
 _NO_FLOORS = "There is no free space to show: it needs depth, and floor in view."

@@ -74,9 +74,7 @@ def _metres(box: Box, size: tuple[int, int]) -> tuple[NDArray[np.float64], NDArr
     x0, x1, y0, y1 = box
     pixel_m = max((x1 - x0) / size[1], (y1 - y0) / size[0])
     above, across = (n / 2 - 0.5 - np.arange(n, dtype=np.float64) for n in (size[1], size[0]))
-    return np.asarray((x0 + x1) / 2 + pixel_m * above, np.float64), np.asarray(
-        (y0 + y1) / 2 + pixel_m * across, np.float64
-    )
+    return (x0 + x1) / 2 + pixel_m * above, (y0 + y1) / 2 + pixel_m * across
 
 
 def _draw_metres(sheet: Image, x_m: NDArray[np.float64], y_m: NDArray[np.float64]) -> None:

@@ -6,6 +6,8 @@ import base64
 from collections.abc import Iterable, Sequence
 from html import escape
 
+_MANY_COLUMNS = 6
+
 _STYLE = """
 :root { --ink:#1d2430; --soft:#5c6675; --paper:#fbfbfa; --card:#fff; --line:#e3e6ea;
  --accent:#1668c9; --good:#12805c; }
@@ -27,7 +29,13 @@ svg { max-width:100%; height:auto } img,video { max-width:100%; height:auto; bor
 table { border-collapse:collapse; margin:10px 0 6px; font-variant-numeric:tabular-nums }
 th,td { padding:6px 12px; text-align:right; border-bottom:1px solid var(--line); white-space:nowrap }
 th:first-child,td:first-child { text-align:left } th { color:var(--soft); font-weight:600; font-size:14px }
-tr.ours td { font-weight:650 } td.best { color:var(--good) } .scroll { overflow-x:auto }
+tr.ours td { font-weight:650 } td.best { color:var(--good) }
+.wide { font-size:12.5px } .wide th { font-size:12px } .wide th,.wide td { padding:6px 4px }
+.wide th + th,.wide td + td { padding-left:6px }
+.scroll { overflow-x:auto; background:linear-gradient(90deg,var(--paper),transparent) 0 0/34px 100% local,
+ linear-gradient(-90deg,var(--paper),transparent) 100% 0/34px 100% local,
+ linear-gradient(90deg,var(--line),transparent) 0 0/14px 100% scroll,
+ linear-gradient(-90deg,var(--line),transparent) 100% 0/14px 100% scroll; background-repeat:no-repeat }
 .cards { display:grid; grid-template-columns:repeat(auto-fit,minmax(190px,1fr)); gap:14px; margin:20px 0 }
 .card { background:var(--card); border:1px solid var(--line); border-radius:12px; padding:14px 16px }
 .card b { display:block; font-size:29px; line-height:1.2; letter-spacing:-.02em }
@@ -52,13 +60,18 @@ def page(title: str, body: Iterable[str]) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], ours: frozenset[int] = frozenset()) -> str:
-    """Return a table; cells are text (escaped), the rows `ours` stand out."""
+    """Return a table; cells are text (escaped), the rows `ours` stand out.
+
+    One of many columns is set smaller, to fit into the page; on a narrower screen it scrolls, with a shadow at the
+    side where there is more.
+    """
     cells = "".join(f"<th>{escape(text)}</th>" for text in head)
     lines = []
     for index, row in enumerate(rows):
         mark = " class='ours'" if index in ours else ""
         lines.append(f"<tr{mark}>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>")
-    return f"<div class='scroll'><table><tr>{cells}</tr>{''.join(lines)}</table></div>"
+    size = " class='wide'" if len(head) > _MANY_COLUMNS else ""
+    return f"<div class='scroll'><table{size}><tr>{cells}</tr>{''.join(lines)}</table></div>"
 
 
 def cards(items: Iterable[tuple[str, str, str]]) -> str:

@@ -24,8 +24,8 @@ MAX_PICTURES = 120
 
 _EXPLANATION = """Intervals are 95 % bootstrap over the frames. Wall names are permuted to the best fit, because which
 of two visible walls is “front” is a guess of the annotators; “fixed” is with the names as they are. The published
-numbers are of other images of the same data set. Corner errors are in percent of the image diagonal; “none” counts
-frames without an estimate, each of them 100 % wrong."""
+numbers are of their authors' own images of NYU v2, not of these frames. Corner errors are in percent of the image
+diagonal; “none” counts frames without an estimate, each of them 100 % wrong."""
 
 _SUPERPIXELS = """200 per image, against the six labels. Our terms are normalised by their noise, so the paper's weights
 are taken as factors on our defaults; λd = 0 is plain SLIC. Unlabelled pixels are ignored; how the paper treats them is

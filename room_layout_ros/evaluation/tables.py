@@ -16,6 +16,8 @@ from .scores import FURNITURE_IDS, LABELS, PER_FRAME, ROOM_FIGURES, Figure, Fram
 GROUPS = {"iou": LABELS, "furniture_iou": tuple(map(str, FURNITURE_IDS))}
 """Figures by class, and the names of the classes in summary.json."""
 
+PUBLISHED_ON = "published, on their authors' own images of NYU v2"
+
 SINGLE = (*PER_FRAME, "mean_iou", "mean_furniture_iou", "frame_ece", "face_ece")
 
 ROOM_COLUMNS = {
@@ -50,7 +52,7 @@ def text_table(scores: Sequence[SetScore]) -> str:
             f"{score.milliseconds:>7.1f}"
             f"{score.without_estimate:>6}"
         )
-    lines.append("published, on other images of the same data set:")
+    lines.append(PUBLISHED_ON + ":")
     lines += [
         f"{row.title:<36}{number(row.layout):>18}{'':>7}{number(row.labelling):>19}{number(row.mean_iou):>19}"
         for row in TABLE_2
