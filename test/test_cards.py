@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from room_layout_ros.learning.origin import without_folders
+
 MODELS = sorted((Path(__file__).resolve().parent.parent / "config").glob("*.npz"))
 TRAINED = ("context", "joint")
 """Kinds whose training cross-validates."""
@@ -50,6 +52,23 @@ def test_a_shipped_model_says_where_it_comes_from(path: Path) -> None:
     if lacks and lacks == OLDER.get(path.stem):
         pytest.skip(f"{path.name} is older than this rule; its card lacks {', '.join(sorted(lacks))}")
     assert lacks == set()
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
+def test_a_card_names_no_folder_of_the_machine_it_was_made_on(path: Path) -> None:
+    assert not re.search(r"(/tmp|/work|/home|\.\./)", json.dumps(card_of(path)))
+
+
+def test_the_curve_names_no_folder_of_the_machine_it_was_made_on() -> None:
+    about = json.loads((MODELS[0].parent / "c_curve.json").read_text("utf-8"))["about"]
+    assert about
+    assert not re.search(r"(/tmp|/work|/home|\.\./)", json.dumps(about))
+
+
+def test_paths_in_a_command_are_written_by_their_last_part() -> None:
+    words = ["train", "/work/shared/nyuv2/", "--fits=../w/fits", "--set", "a=0.5", "--scheduler", "tcp://h:1", "/"]
+    short = ["train", "nyuv2", "--fits=fits", "--set", "a=0.5", "--scheduler", "tcp://h:1", "/"]
+    assert without_folders(words) == short
 
 
 def test_models_are_there_to_look_at() -> None:

@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     judged = [j for j in found if j is not None]
     card = {
         "frames": len(judged),
-        "source": source.title,
+        "source": f"frames folder {source.path.name}",
         "held out": arguments.hold_out or "",
         **origin(),
     }
