@@ -32,8 +32,8 @@ th:first-child,td:first-child { text-align:left } th { color:var(--soft); font-w
 tr.ours td { font-weight:650 } td.best { color:var(--good) }
 .wide { font-size:12.5px } .wide th { font-size:12px } .wide th,.wide td { padding:6px 4px }
 .wide th + th,.wide td + td { padding-left:6px }
-.scroll { overflow-x:auto; background:linear-gradient(90deg,var(--paper),transparent) 0 0/34px 100% local,
- linear-gradient(-90deg,var(--paper),transparent) 100% 0/34px 100% local,
+.scroll { overflow-x:auto; background:linear-gradient(90deg,var(--paper) 45%,transparent) 0 0/34px 100% local,
+ linear-gradient(-90deg,var(--paper) 45%,transparent) 100% 0/34px 100% local,
  linear-gradient(90deg,var(--line),transparent) 0 0/14px 100% scroll,
  linear-gradient(-90deg,var(--line),transparent) 100% 0/14px 100% scroll; background-repeat:no-repeat }
 .cards { display:grid; grid-template-columns:repeat(auto-fit,minmax(190px,1fr)); gap:14px; margin:20px 0 }
