@@ -408,3 +408,19 @@ def test_what_is_not_exactly_one_name_of_this_machine_is_refused(
 def test_listening_ends_in_time(board: Board) -> None:
     listen("room_layout_dashboard", Ears(board, "/estimator").listeners(), end=0.0)
     assert board.look() == (-1, 0, Room(""))
+
+
+def test_a_browser_that_goes_during_an_answer_is_no_traceback(
+    board: Board, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("plotly", reason="plotly is not installed (extra viz)")
+    board.page = b"x" * 50_000_000  # more than the sockets hold
+    server = serve(board, 0)
+    monkeypatch.setattr(server, "daemon_threads", False)  # server_close waits for the answers
+    for _ in range(3):
+        with socket.create_connection((HOST, server.server_address[1])) as browser:
+            browser.sendall(f"GET / HTTP/1.1\r\nHost: {HOST}\r\n\r\n".encode())
+            browser.recv(100)
+    server.shutdown()
+    server.server_close()
+    assert capfd.readouterr().err == ""
