@@ -42,6 +42,8 @@ class EstimatorLifecycleNode(LifecycleNode):
     def __init__(self, make_estimator: MakeEstimator = LayoutEstimator, **options: Any) -> None:
         super().__init__(NODE_NAME, **options)
         self.shell = Shell(self, make_estimator)
+        name = self.get_fully_qualified_name()
+        self.get_logger().info(f"waits to be configured: ros2 lifecycle set {name} configure; then activate")
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Unconfigured -> inactive."""

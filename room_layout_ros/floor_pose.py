@@ -26,6 +26,8 @@ class Answer(NamedTuple):
 
     source: str
     missing: str
+    no_height: str = ""
+    """Why the source does not say how high the camera is; "" where it does."""
 
     def __str__(self) -> str:
         return f"{self.source} ({self.missing})" if self.missing else self.source
@@ -91,7 +93,7 @@ class FloorPose:
         if isinstance(found, str):
             self.answer = Answer("estimate", found)
             return None
-        self.answer = Answer(found.source, "")
+        self.answer = Answer(found.source, "", "" if np.isfinite(found.distance_m) else _no_height(node, found.source))
         return found
 
     def _from_tf(self, camera_frame: str, stamp_ns: int, node: NodeConfig) -> FloorPlane | str:
@@ -122,6 +124,12 @@ class FloorPose:
 
 def _no_transform(source: str, target: str) -> str:
     return f"no transform between {clean_text(source)} and {clean_text(target)} is known (tf2 must be installed)"
+
+
+def _no_height(node: NodeConfig, source: str) -> str:
+    if source == "tf":
+        return f"{clean_text(node.robot_frame)} is not below the camera"
+    return "camera_height is 0 (not known)"
 
 
 def _from_parameters(node: NodeConfig) -> FloorPlane:

@@ -222,6 +222,7 @@ class Shell:
             pose_source=self._settings.node.pose_source,
             floor=str(answer),
             floor_missing=answer.missing,
+            no_height=answer.no_height,
             transforms=self._transforms.said(),
         )
 

@@ -56,7 +56,9 @@ class NodeStages:
 
     def warm_up(self, settings: Settings) -> None:
         """Run one made-up frame through everything."""
-        self._node.get_logger().info("warming up (compiles the first time)")
+        self._node.get_logger().info(
+            "warming up; the first start after an installation compiles for one to two minutes"
+        )
         if settings.depth_camera is not None and settings.depth_camera.warning:
             self._node.get_logger().warning(settings.depth_camera.warning)
         start = time.monotonic()
@@ -66,7 +68,7 @@ class NodeStages:
         scene = Scene(frame, settings.estimator.estimate(frame), settings.node, settings.estimator.config)
         for output in OUTPUTS:
             output.encode(scene)
-        self._node.get_logger().info(f"warm after {time.monotonic() - start:.1f} s")
+        self._node.get_logger().info(f"ready, warm after {time.monotonic() - start:.1f} s")
 
     def assemble(
         self, pair: Pair[ImageItem], cameras: Mapping[str, CameraReading | None], settings: Settings

@@ -26,6 +26,7 @@ from room_frames import CAMERA, FRAME_ID, room_frame, room_images, stamp_ns
 from msg_adapters import messages
 from msg_adapters.encode_image import encode_image, pack_bytes
 from msg_adapters.header import encode_header
+from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.registration import register_depth
 from room_layout_ros.datasets.calibration import CameraCalibration, write_calibration
@@ -514,6 +515,28 @@ def test_f06_without_depth_the_outputs_of_the_floor_say_why_they_are_silent() ->
         bench.spin(0.2)
         assert not frames_of_floor(bench, lambda i: False, 0)
         bench.until(lambda: bench.said("floor", "no floor (use_depth is false) for"))
+
+
+@pytest.mark.parametrize("height", (0.0, 1.3))
+def test_a_camera_height_that_is_not_given_is_said_to_be_of_the_depth(height: float) -> None:
+    estimator: Any = LayoutEstimator
+    with running(estimator=estimator, pose_source="parameters", camera_pitch_deg=6.0, camera_height=height) as bench:
+        bench.listen("estimator/free_space", messages.OccupancyGrid)
+        bench.until(lambda: bench.cameras["color"].get_subscription_count(), 60.0)
+        bench.until_subscribed()
+        bench.send(0)
+        taken = "" if height else "; its height is taken from the depth: camera_height is 0 (not known)"
+        bench.until(lambda: bench.diagnosis()["floor"] == (0, f"floor from parameters+depth{taken}"))
+
+
+def test_depth_of_another_unit_is_a_question_on_diagnostics_and_in_the_log(capfd: pytest.CaptureFixture[str]) -> None:
+    with running(max_depth_m=100.0) as bench:
+        bench.connect()
+        _, mm = room_images(0)
+        far = np.minimum(mm.astype(np.uint32) * 10, 65000).astype(np.uint16)
+        bench.send(0, depth=encode_image(far, stamp_ns(0), FRAME_ID))
+        bench.until(lambda: bench.said("estimates", "is the depth unit right for a camera 1.30 m above the floor"))
+    assert capfd.readouterr().err.count("is the depth unit right") == 1
 
 
 @pytest.mark.parametrize(("height", "confirmed"), ((1.3, True), (1.7, False)))

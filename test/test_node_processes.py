@@ -246,6 +246,20 @@ def test_f33_words_that_are_none_of_ros_are_refused(repository: Path, word: str,
     assert words in said
 
 
+def test_it_says_how_long_the_first_start_takes_and_when_it_is_ready(repository: Path) -> None:
+    with python(repository, *NODE) as node:
+        said = read_until(node, "ready, warm after")
+        assert "the first start after an installation compiles for one to two minutes" in said
+        end_in_time(node, signal.SIGINT)
+
+
+def test_the_lifecycle_node_says_that_it_waits(repository: Path) -> None:
+    run = "from room_layout_ros.node import lifecycle_main; raise SystemExit(lifecycle_main())"
+    with python(repository, "-c", run, "--ros-args", "-r", "__ns:=/a") as node:
+        read_until(node, "waits to be configured: ros2 lifecycle set /a/estimator configure")
+        end_in_time(node, signal.SIGINT)
+
+
 @pytest.mark.parametrize("main", ("main", "lifecycle_main"))
 def test_help_says_how_it_is_used_and_starts_nothing(repository: Path, main: str) -> None:
     with python(

@@ -60,6 +60,59 @@ def test_a_stream_of_which_every_message_is_refused_is_told_to_the_log() -> None
     assert not every.logged
 
 
+SIZED = replace(HEALTHY, scales=30, camera_height_m=1.3, median_depth_m=2.4)
+
+
+@pytest.mark.parametrize(
+    ("height_m", "depth_m", "words"),
+    (
+        (6.5, 9.1, "is the depth unit right for a camera 6.50 m above the floor and a median depth of 9.10 m? 16 bit"),
+        (0.12, 0.3, "for a camera 0.12 m above the floor and a median depth of 0.30 m?"),
+        (float("nan"), 13.0, "is the depth unit right for a median depth of 13.00 m?"),
+    ),
+)
+def test_a_room_of_another_size_is_a_question_about_the_unit(height_m: float, depth_m: float, words: str) -> None:
+    strange = replace(SIZED, camera_height_m=height_m, median_depth_m=depth_m)
+    found = findings(strange)["estimates"]
+    assert (found.level, found.logged) == (Level.WARN, False)
+    assert words in found.message
+    empty = replace(strange, published=270, no_estimate={"no depth": 30})
+    assert words in findings(empty)["estimates"].message, "too far to be worked"
+    assert findings(strange, replace(strange, published=270))["estimates"].level == Level.OK, "no new frame"
+
+
+@pytest.mark.parametrize(("height_m", "depth_m"), ((1.3, 2.4), (0.2, 0.6), (3.2, 11.0), (float("nan"), float("nan"))))
+def test_a_room_of_a_usual_size_is_no_question(height_m: float, depth_m: float) -> None:
+    usual = replace(SIZED, camera_height_m=height_m, median_depth_m=depth_m)
+    assert findings(usual)["estimates"].level == Level.OK
+
+
+def test_a_height_that_is_given_is_no_question_about_the_unit() -> None:
+    high = replace(SIZED, camera_height_m=6.5)
+    assert findings(high, facts=replace(FACTS, floor="tf"))["estimates"].level == Level.OK
+    without = replace(FACTS, floor="parameters", no_height="camera_height is 0 (not known)")
+    assert findings(high, facts=without)["estimates"].level == Level.WARN
+    assert findings(high, facts=replace(FACTS, floor="estimate (no transform)"))["estimates"].level == Level.WARN
+
+
+def test_ages_are_left_out_where_stamps_are_of_another_clock() -> None:
+    assert "age_p50_ms" in findings()["estimates"].values
+    values = findings(replace(HEALTHY, foreign_stamps=True))["estimates"].values
+    assert not {"age_p50_ms", "age_p99_ms"} & set(values)
+    assert values["age"] == "not known, the stamps are not of the node's clock"
+
+
+def test_a_height_that_no_one_gave_is_said_to_be_of_the_depth() -> None:
+    health = replace(HEALTHY, floors=30, last_floor=FloorOutcome("parameters+depth"))
+    facts = replace(FACTS, pose_source="parameters", floor="parameters")
+    assert findings(health, facts=facts)["floor"].message == "floor from parameters+depth"
+    found = findings(health, facts=replace(facts, no_height="camera_height is 0 (not known)"))["floor"]
+    assert found.level == Level.OK
+    assert found.message == (
+        "floor from parameters+depth; its height is taken from the depth: camera_height is 0 (not known)"
+    )
+
+
 def test_silence_counts_from_the_subscription() -> None:
     health = with_stream(COLOR, silence_s=float("inf"))
     assert findings(health, facts=replace(FACTS, listening_s=2.0))["input colour"].level == Level.OK

@@ -6,6 +6,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -18,6 +19,7 @@ from room_layout_ros.core.estimate import RoomEstimate, Status
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.tracking import TemporalPrior
+from room_layout_ros.runtime.depth_scale import measure_scale
 from room_layout_ros.runtime.health import Health
 from room_layout_ros.runtime.pairing import COLOR, DEPTH, Pair, PairingRules
 from room_layout_ros.runtime.session import CAMERA as CAMERA_STREAM
@@ -465,3 +467,36 @@ def test_how_long_every_message_has_been_refused_is_known(stages: Stages) -> Non
     session.add_image(COLOR, T0 + 33 * MS, "color")
     assert refused_s(COLOR) == 0.0
     assert session.close(5.0)
+
+
+def test_ages_of_stamps_of_another_clock_are_none(session: EstimatorSession) -> None:
+    session.add_camera(CAMERA_STREAM, 0, "camera")
+    send(session, 0)
+    assert not settled(session).foreign_stamps
+    hour = 3_600_000 * MS
+    for stream in (COLOR, DEPTH):
+        session.add_image(stream, T0 + 2 * hour, "image")
+    health = settled(session)
+    assert health.foreign_stamps
+    assert np.isnan(health.age_p50_ms)
+
+
+def test_the_scale_of_the_depth_is_known(session: EstimatorSession) -> None:
+    session.add_camera(CAMERA_STREAM, 0, "camera")
+    for i in range(3):
+        send(session, i)
+        health = settled(session)
+    assert FRAME.depth_m is not None
+    assert health.scales == 3
+    assert health.camera_height_m == 1.0, "the floor of `room`"
+    assert health.median_depth_m == pytest.approx(float(np.nanmedian(FRAME.depth_m)), rel=0.02)
+
+
+def test_the_scale_of_a_frame_without_depth_or_floor_is_none() -> None:
+    far = RoomCuboid(np.eye(3), np.array([1.0, np.inf, 1.0, 1.0, 1.0]))
+    assert measure_scale(replace(FRAME, depth_m=None), room(FRAME)) is None
+    assert measure_scale(FRAME, replace(room(FRAME), metric=False)) is None
+    for estimate in (replace(room(FRAME), cuboid=far), room(FRAME, Status.NO_DEPTH)):
+        scale = measure_scale(FRAME, estimate)
+        assert scale is not None
+        assert scale.camera_height_m is None

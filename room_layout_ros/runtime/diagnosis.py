@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from math import isnan
 
 from .health import Health, StreamHealth
 from .pairing import COLOR, DEPTH
@@ -56,6 +57,8 @@ class NodeFacts:
     """Where the floor of the last frame was expected from."""
     floor_missing: str = ""
     """Why `pose_source` could not say where the floor is; "" where it could."""
+    no_height: str = ""
+    """Why `pose_source` says where down is, but not how high the camera is; "" where it says both or neither."""
     transforms: str = ""
     """Which transforms were not known at the time of a frame; "" where none."""
 
@@ -148,11 +151,16 @@ def _estimates(health: Health, before: Health, facts: NodeFacts) -> Finding:
         "metric": _METRIC[health.metric],
         "latency_p50_ms": f"{health.latency_p50_ms:.1f}",
         "latency_p99_ms": f"{health.latency_p99_ms:.1f}",
-        "age_p50_ms": f"{health.age_p50_ms:.1f}",
-        "age_p99_ms": f"{health.age_p99_ms:.1f}",
+        **_ages(health),
         **{f"stage_ms: {stage}": f"{ms:.2f}" for stage, ms in health.stages_ms.items()},
     }
     return Finding("estimates", level, message, values, logged)
+
+
+def _ages(health: Health) -> dict[str, str]:
+    if health.foreign_stamps:
+        return {"age": "not known, the stamps are not of the node's clock"}
+    return {"age_p50_ms": f"{health.age_p50_ms:.1f}", "age_p99_ms": f"{health.age_p99_ms:.1f}"}
 
 
 _METRIC = {None: "", True: "yes", False: "no (front wall is 1)"}
@@ -165,6 +173,9 @@ def _estimates_state(health: Health, before: Health, facts: NodeFacts) -> tuple[
     bad = {r: n - before.dropped.get(r, 0) for r, n in health.dropped.items() if r not in _HARMLESS}
     if any(bad.values()):
         return Level.ERROR, f"{sum(bad.values())} frames dropped: {health.last_drop}"
+    doubt = _depth_doubt(health, facts) if health.scales > before.scales else ""
+    if doubt:
+        return Level.WARN, doubt
     published = health.published - before.published
     empty = {s: n - before.no_estimate.get(s, 0) for s, n in health.no_estimate.items()}
     if any(empty.values()):
@@ -182,6 +193,27 @@ def _estimates_state(health: Health, before: Health, facts: NodeFacts) -> tuple[
     return Level.OK, "waiting for frames"
 
 
+_HIGHEST_M, _LOWEST_M, _FARTHEST_M = 3.5, 0.15, 12.0
+"""A camera higher or lower over the floor, or a median depth above this, is rare in a room, and usual of depth in
+another unit than that of its encoding."""
+
+
+def _depth_doubt(health: Health, facts: NodeFacts) -> str:
+    """Return the question whether depth has the right unit, "" where it looks right."""
+    height, depth = health.camera_height_m, health.median_depth_m
+    height_given = facts.floor in _GIVES_HEIGHT and not facts.no_height
+    strange = not height_given and (height > _HIGHEST_M or height < _LOWEST_M)
+    if not (strange or depth > _FARTHEST_M):
+        return ""
+    camera = "" if isnan(height) else f"a camera {height:.2f} m above the floor and "
+    cure = "; if it is, give the camera's height by TF or pose_source: parameters" if strange else ""
+    return (
+        f"is the depth unit right for {camera}a median depth of {depth:.2f} m? "
+        f"16 bit must be millimetres, float metres{cure}"
+    )
+
+
+_GIVES_HEIGHT = ("tf", "imu", "parameters")
 _TURNS_APART = 6
 """So often have the streams to alternate without a pair: a few pairs are late where stamps are not equal."""
 
@@ -222,7 +254,8 @@ def _floor_state(health: Health, before: Health, facts: NodeFacts) -> tuple[Leve
             "set robot_frame to the frame of the robot that lies on the floor, z up"
         )
     if health.last_floor is not None and health.floors > before.floors:
-        return Level.OK, f"floor from {health.last_floor.source}"
+        taken = f"; its height is taken from the depth: {facts.no_height}" if facts.no_height else ""
+        return Level.OK, f"floor from {health.last_floor.source}{taken}"
     if health.published > before.published:
         return Level.OK, "nobody listens to an output that needs a floor"
     return Level.OK, "waiting for frames"

@@ -6,10 +6,14 @@ from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from .depth_scale import DepthScale
 from .pairing import StreamCount
 
 _WINDOW = 256
 """Frames over which latencies are summed up: 8 s at 30 Hz."""
+_SCALE_WINDOW = 15
+"""Frames over which height and depth are summed up: one with a wrong floor is no wrong unit."""
+_LONGEST_AGE_MS = 3_600_000.0
 _RATE_WINDOW_NS = 5_000_000_000
 
 
@@ -79,6 +83,14 @@ class Health:
     age_p50_ms: float = float("nan")
     """From the stamp of the frame to the end of publishing, on the node's clock."""
     age_p99_ms: float = float("nan")
+    foreign_stamps: bool = False
+    """True where the stamp of the last frame is over an hour from the node's clock: that is no age."""
+    scales: int = 0
+    """Frames whose depth was looked at for its unit."""
+    camera_height_m: float = float("nan")
+    """Over the estimated floor, median of the last frames that have one; NaN where none has."""
+    median_depth_m: float = float("nan")
+    """Median over the last frames of the median of a frame; NaN without depth."""
     last_drop: str = ""
     frame_id: str | None = None
     """Of the last frame; None before the first."""
@@ -139,12 +151,31 @@ class PairCount:
     pairs: Rate = field(default_factory=Rate)
     latencies_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_WINDOW))
     ages_ms: deque[float] = field(default_factory=lambda: deque(maxlen=_WINDOW))
+    foreign_stamps: bool = False
+    scales: int = 0
+    heights_m: deque[float] = field(default_factory=lambda: deque(maxlen=_SCALE_WINDOW))
+    depths_m: deque[float] = field(default_factory=lambda: deque(maxlen=_SCALE_WINDOW))
     stages_ms: deque[Mapping[str, float]] = field(default_factory=lambda: deque(maxlen=_WINDOW))
 
     @property
     def in_flight(self) -> int:
         """Pairs whose end is not known yet."""
         return self.made - self.published - self.no_estimate.total() - self.dropped.total()
+
+    def note_age(self, age_ms: float) -> None:
+        """Take the age of a frame, unless its stamp is of another clock, as that of a recording."""
+        self.foreign_stamps = abs(age_ms) > _LONGEST_AGE_MS
+        if self.foreign_stamps:
+            self.ages_ms.clear()
+        else:
+            self.ages_ms.append(age_ms)
+
+    def note_scale(self, scale: DepthScale) -> None:
+        """Take what tells whether depth has the right unit."""
+        self.scales += 1
+        self.depths_m.append(scale.median_depth_m)
+        if scale.camera_height_m is not None:
+            self.heights_m.append(scale.camera_height_m)
 
     def count_floor(self, outcome: FloorOutcome, now_ns: int) -> None:
         """Note what became of the floor of a frame."""
@@ -173,6 +204,10 @@ class PairCount:
             latency_p99_ms=quantile(self.latencies_ms, 0.99),
             age_p50_ms=quantile(self.ages_ms, 0.5),
             age_p99_ms=quantile(self.ages_ms, 0.99),
+            foreign_stamps=self.foreign_stamps,
+            scales=self.scales,
+            camera_height_m=quantile(self.heights_m, 0.5),
+            median_depth_m=quantile(self.depths_m, 0.5),
             last_drop=self.last_drop,
             frame_id=self.frame_id,
             metric=self.metric,

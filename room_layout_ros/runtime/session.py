@@ -16,6 +16,7 @@ from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 
 from .camera_history import CameraHistory
+from .depth_scale import DepthScale, measure_scale
 from .health import FloorOutcome, Health, PairCount, StreamTimes, stream_snapshot
 from .live_loop import LiveLoop
 from .pairing import COLOR, DEPTH, STAMP_FAULTS, Pair, PairingRules, StreamCount, StreamPairing
@@ -95,6 +96,7 @@ class _Result:
     estimate: RoomEstimate
     settings: Any
     decode_ms: float
+    scale: DepthScale | None
 
 
 class EstimatorSession:
@@ -288,7 +290,8 @@ class EstimatorSession:
         prior = _with_gravity(warm, self._stages.gravity(frame, rules.settings))
         estimate = self._stages.estimate(frame, prior, rules.settings)
         self._prior, self._prior_epoch = next_prior(estimate), job.epoch
-        return _Result(job, frame, estimate, rules.settings, (decoded - start) * 1e-6)
+        scale = measure_scale(frame, estimate)
+        return _Result(job, frame, estimate, rules.settings, (decoded - start) * 1e-6, scale)
 
     def _send(self, result: _Result) -> None:
         """Publish one result, whatever happens."""
@@ -322,6 +325,8 @@ class EstimatorSession:
         age_ms = (self._stages.now_ns() - result.frame.stamp_ns) * 1e-6
         with self._lock:
             now, pairs = self._clock(), self._pairs
+            if result.scale is not None:
+                pairs.note_scale(result.scale)
             pairs.frame_id = result.frame.frame_id
             if floor is not None:
                 pairs.count_floor(floor, now)
@@ -332,7 +337,7 @@ class EstimatorSession:
             else:
                 pairs.no_estimate[estimate.status.value] += 1
             pairs.latencies_ms.append((now - result.job.arrival_ns) * 1e-6)
-            pairs.ages_ms.append(age_ms)
+            pairs.note_age(age_ms)
             pairs.stages_ms.append(stages_ms)
 
 
