@@ -144,6 +144,6 @@ class TestLevelOfCamera:
     def test_clutter_of_another_colour_is_furniture(self) -> None:
         assert self.look(0.3, CLUTTER, 200) == 0.0
 
-    def test_beside_the_floor_and_as_high_as_a_table_it_is_one(self) -> None:
-        assert self.look(0.7, CLUTTER, 100, wide=500) == 0.0
+    def test_where_floor_is_seen_beside_it_as_near_it_is_furniture(self) -> None:
+        assert self.look(0.7, CLUTTER, 100, wide=300) == 0.0
         assert np.isnan(self.look(0.3, CLUTTER, 100, wide=500)), "a kerb"

@@ -46,15 +46,16 @@ _PER_METRE, _STEPS = 50.0, 700
 _TINY = np.float32(1e-6)
 
 
-(SEEN, HEIGHT, FLOOR_PIXELS, OBSTACLE, OBSTACLE_PIXELS, TOUCHED, FARTHEST, HOLE, BRIDGE, BLIND) = range(10)
+(SEEN, HEIGHT, FLOOR_PIXELS, OBSTACLE, OBSTACLE_PIXELS, TOUCHED, FARTHEST, HOLE, BRIDGE, BLIND, FLYING) = range(11)
 """What is summed per cell; shares are of the cell's area.
 
 Share of floor seen; sum of the heights of the pixels of floor and of low things whose ray meets the floor there, and
 their number; share of the visible surface of things, and their pixels; the same share of things in the cell or within
 `_NEXT_TO_M` beside it; how far in m from below the camera the farthest thing in it may reach (-inf without); shares of
-floor that is missing, and of floor behind pixels without depth: floor by the picture; not known."""
+floor that is missing, and of floor behind pixels without depth: floor by the picture; not known; surface of pixels that
+hang between a near and a far surface: noise, or the side of a thing seen edge-on."""
 
-_SUMS = 10
+_SUMS = 11
 
 FINE = 4
 """Parts of a cell's side: where in a cell a thing stands is kept to a quarter of it."""
@@ -67,7 +68,7 @@ class FloorCells:
     Attributes
     ----------
     resolution_m, origin_m : side of a cell; x and y of the lower corner of cell (0, 0).
-    sums : (rows, cols, 10) float32, see `SEEN` and those after it.
+    sums : (rows, cols, 11) float32, see `SEEN` and those after it.
     stands : (rows * FINE, cols * FINE) bool, a pixel of a thing is there.
     kind : (H, W) uint8 kind of each pixel. cell : (H, W) int32 flat index of the cell it counts in, -1 where in none.
     """
@@ -214,6 +215,9 @@ def _sum_cells(inverse, hole_kind, labels, intrinsics, T, fit, walls, corner, sh
             threshold = max(lowest, (factor - gain) * noise)
             if h > threshold:
                 if 2 <= u < width - 2 and _flies(inverse[v, u - 2], inverse[v, u], inverse[v, u + 2]):
+                    i, j = int(np.floor((y - y0) * per_metre)), int(np.floor((x - x0) * per_metre))
+                    if 0 <= i < rows and 0 <= j < cols:
+                        sums[i, j, FLYING] += per_pixel * z * z
                     continue
                 tolerance = _ON_WALL_M + _ON_WALL_SIGMAS * noise * z / distance
                 if inside[u] < (-tolerance if labels[v, u] == CLUTTER else tolerance):

@@ -17,6 +17,7 @@ from .floor_cells import (
     BRIDGE,
     FARTHEST,
     FLOOR_PIXELS,
+    FLYING,
     FREE_CELL,
     HEIGHT,
     HOLE,
@@ -55,6 +56,9 @@ _PATCH_SHARE = 0.2
 _TOUCH_SHARE = 0.1
 _DOUBT_SHARE = 0.8
 _TOUCH_PIXELS = 0.5
+_FLYING_SHARE = 0.3
+"""Of the surface of a thing: so much that flies is the side of one seen edge-on."""
+
 _TAIL_SHARE = 0.25
 _STRAY_SIGMAS, _BEHIND_SIGMAS, _SURE_SIGMAS = (1.5, 4.0), (2.0, 0.5), (-1.8, 1.5)
 """In deviations of the depth's noise, within `_CLOSE_M` and beyond: the few pixels of a cell beside a thing may lie so
@@ -282,7 +286,8 @@ def _decide(sums, corner, things, height, sigma, walls, half_view, focal, fit, l
             if thing[i, j] or hole:
                 grid[i, j] = OCCUPIED_CELL
             elif grid[i, j] != OCCUPIED_CELL:
-                suspect = raised or touched or gap or doubt[i, j]
+                flies = far == 0 and cell[FLYING] >= _FLYING_SHARE * least_area
+                suspect = raised or touched or gap or doubt[i, j] or flies
                 clear = not suspect and _is_floor(sums, i, j, least_seen, bridge_cells)
                 grid[i, j] = FREE_CELL if clear else UNKNOWN_CELL
             noise = band_sigma(noise_m, r) * r / distance
