@@ -7,6 +7,7 @@ import pytest
 from naive_synthetic import stands_in_cell
 
 from room_layout_ros.datasets.synthetic import KINDS, camera_pose, floor_map, random_pose, random_scene
+from room_layout_ros.datasets.synthetic.floor import rug_height
 from room_layout_ros.datasets.synthetic.room import SyntheticRoom
 from room_layout_ros.datasets.synthetic.shapes import Material, Solid
 
@@ -49,3 +50,11 @@ def test_forward_and_right_are_the_cameras() -> None:
     truth = floor_map(boxed(0.5), camera_pose(0.0, 0.0, 1.0, np.pi / 2))
     assert truth.cells[0, 70] == 1
     assert truth.cells[0, 50] == 0
+
+
+def test_what_stands_on_a_rug_stands_on_its_top() -> None:
+    rug = Solid(0.5, 0.0, 0.5, 1.0, 0.4, 0.0, 0.008, 20, Material((90, 90, 90)))
+    room = random_scene(np.random.default_rng(0), furniture=0.0, decorate=False).furnished((rug,))
+    assert rug_height(room, 0.5, 0.0) == 0.008
+    assert rug_height(room, 0.5 + 0.4 * np.cos(0.5), 0.4 * np.sin(0.5)) == 0.008
+    assert rug_height(room, 0.5, 0.4) == 0.0

@@ -29,7 +29,7 @@ from room_layout_ros.datasets.synthetic import (
     render,
     walk,
 )
-from room_layout_ros.datasets.synthetic.floor import is_free
+from room_layout_ros.datasets.synthetic.floor import is_free, rug_height
 from room_layout_ros.datasets.synthetic.raster import camera_rectangles, cast
 from room_layout_ros.datasets.synthetic.shapes import Material, Solid
 
@@ -261,7 +261,10 @@ def views_of_walk(
 def scene_with_small_things(
     rng: np.random.Generator, size_m: float, distance_m: float = 1.5, count: int = 5
 ) -> tuple[SyntheticRoom, NDArray[np.float64], NDArray[np.float64]]:
-    """Return a room, a camera pose and the places (count, 2; x ahead, y left) of cubes on the floor at one distance."""
+    """Return a room, a camera pose and the places (count, 2; x ahead, y left) of cubes at one distance.
+
+    They stand on the floor, or on the rug where one lies.
+    """
     room = random_scene(rng, "cuboid", furniture=0.3)
     low, high = room.corners.min(axis=0), room.corners.max(axis=0)
     while True:
@@ -279,8 +282,9 @@ def scene_with_small_things(
     for k, (forward, left) in enumerate(places):
         at = np.array([x, y]) + forward * ahead + left * np.array([-ahead[1], ahead[0]])
         color = tuple(int(v) for v in rng.integers(40, 220, 3))
+        under = rug_height(room, float(at[0]), float(at[1]))
         solids.append(
-            Solid(float(at[0]), float(at[1]), float(rng.uniform(0, np.pi)), size_m, size_m, 0.0, size_m, 40,
+            Solid(float(at[0]), float(at[1]), float(rng.uniform(0, np.pi)), size_m, size_m, under, under + size_m, 40,
                   Material((color[0], color[1], color[2])), thing=2000 + k)
         )  # fmt: skip
     return room.furnished(tuple(solids)), camera_pose(float(x), float(y), height, yaw, pitch), places

@@ -50,6 +50,17 @@ def is_free(room: SyntheticRoom, x: float, y: float, margin: float) -> bool:
     return True
 
 
+def rug_height(room: SyntheticRoom, x: float, y: float) -> float:
+    """Height in m of what lies flat on the floor at a place, 0.0 on the bare floor: there stands what stands."""
+    tops = [0.0]
+    for s in room.solids:
+        if s.top <= _FLAT_M:
+            cos, sin, dx, dy = np.cos(s.yaw), np.sin(s.yaw), x - s.x, y - s.y
+            if abs(dx * cos + dy * sin) <= s.size_x / 2 and abs(dy * cos - dx * sin) <= s.size_y / 2:
+                tops.append(s.top)
+    return max(tops)
+
+
 def floor_map(
     room: SyntheticRoom,
     T_world_camera: NDArray[np.float64],
