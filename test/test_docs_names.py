@@ -23,6 +23,7 @@ FOREIGN = {
     "use_sim_time": "every ROS node",
     "qos_overrides": "rclpy; what may stand behind it is test_node's",
     "allow_unknown": "Nav2's planners",
+    "bond_timeout": "Nav2's lifecycle manager",
     "base_footprint": "frame, the default of robot_frame",
     "camera_link": "frame of a camera driver",
     "lifecycle_estimator": "executable",
