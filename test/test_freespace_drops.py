@@ -130,7 +130,7 @@ class TestLevelOfCamera:
         labels, picture = np.full((480, 640), FLOOR, np.uint8), np.full((480, 640, 3), 100, np.uint8)
         inverse[380:, :wide] = slope[380:, :wide] / (1.5 - height_m)
         labels[380:, :wide], picture[380:, :wide] = label, color
-        return level_of_camera(inverse, labels, picture, self.intrinsics, self.plane).height_m
+        return level_of_camera(inverse, labels, picture, self.intrinsics, self.plane)
 
     def test_a_floor_alone_is_the_level(self) -> None:
         assert self.look(0.0, FLOOR, 100) == 0.0

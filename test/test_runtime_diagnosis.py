@@ -215,7 +215,7 @@ def floor_of(before: Health = BEFORE, facts: NodeFacts = FACTS, **changes: Any) 
 
 
 GOOD, DOUBTFUL = FloorOutcome("tf+depth"), FloorOutcome("tf", confirmed=False)
-NONE = {"none in view, none given": 7, "too little depth": 1}
+NONE = {"none in view for sure, none given": 7, "too little depth": 1}
 
 
 def test_f06_the_floor_says_where_it_is_from_and_nothing_where_nobody_wants_it() -> None:
@@ -228,7 +228,7 @@ def test_f06_the_floor_says_where_it_is_from_and_nothing_where_nobody_wants_it()
 
 
 def test_f06_frames_without_a_floor_are_a_warning_while_it_lasts() -> None:
-    words = "no floor (none in view, none given) for 8 of 30 frames; outputs that need one send nothing"
+    words = "no floor (none in view for sure, none given) for 8 of 30 frames; outputs that need one send nothing"
     assert floor_of(floors=30, no_floor=NONE, last_floor=GOOD) == (Level.WARN, words)
     over = replace(BEFORE, floors=30, no_floor=NONE)
     assert floor_of(over, floors=60, no_floor=NONE, last_floor=GOOD)[0] == Level.OK

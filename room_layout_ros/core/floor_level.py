@@ -8,8 +8,6 @@ wrong one. A height by TF or parameters tells all of that better.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -40,28 +38,14 @@ _ALIKE_SHARES, _ALIKE_BRIGHTNESS = 0.015, 0.25
 (_COUNT, _FLOOR, _RED, _GREEN, _SUM) = range(5)
 
 
-@dataclass(frozen=True, slots=True)
-class CameraLevel:
-    """Where the camera stands.
-
-    Attributes
-    ----------
-    height_m : of the level the camera stands on over the plane; NaN where there is no telling.
-    reason : why there is none.
-    """
-
-    height_m: float
-    reason: str = ""
-
-
 def level_of_camera(
     inverse_depth: NDArray[np.float32],
     labels: NDArray[np.uint8],
     color: NDArray[np.uint8] | None,
     intrinsics: tuple[float, ...],
     plane: NDArray[np.float64],
-) -> CameraLevel:
-    """Return the level the camera stands on, relative to a plane that fits.
+) -> float:
+    """Return the height in m over a plane that fits of the level the camera stands on; NaN where there is no telling.
 
     Parameters
     ----------
@@ -74,17 +58,17 @@ def level_of_camera(
     middle = _LAYERS // 2
     below = two[1 : middle - int(_LOWER_FROM_M / _LAYER_M), _COUNT]
     if on_plane[_FLOOR] < _LEAST_FLOOR_SHARE * on_plane[_COUNT]:
-        return CameraLevel(np.nan, "the plane is mostly clutter")
+        return float("nan")
     if len(below) and below.max() * _STRIDE**2 >= _LOWER_SHARE * labels.size:
-        return CameraLevel(np.nan, "there is lower floor in view")
+        return float("nan")
     first = middle + int(np.ceil(_UPPER_FROM_M / _LAYER_M))
     best = first + int(np.argmax(last[first:-1] + last[first + 1 :]))
     layer = two[best]
     if last[best : best + 2].sum() <= _UPPER_SHARE * last.sum():
-        return CameraLevel(0.0)
+        return 0.0
     if layer[_FLOOR] >= 0.5 * layer[_COUNT]:
-        return CameraLevel((best + 1 - middle) * _LAYER_M)
-    return CameraLevel(np.nan, "a drop or a table") if _alike(layer, on_plane) else CameraLevel(0.0)
+        return (best + 1 - middle) * _LAYER_M
+    return float("nan") if _alike(layer, on_plane) else 0.0  # a drop, or a table
 
 
 def _alike(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:

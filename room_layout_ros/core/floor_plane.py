@@ -142,12 +142,14 @@ def fit_floor(
     estimate : RoomEstimate
         Of the same frame; its labels say what may be floor.
     prior : FloorPlane, optional
-        Kept as it is where no floor is in view.
+        With a height it is kept as it is where no floor is in view or the depth shows another level.
+    color : (H, W, 3) uint8, optional
+        The picture; it tells a table from a drop.
 
     Returns
     -------
     FloorFit or None
-        None where no floor is seen and no complete prior is given.
+        None where no floor is seen, or what is nearest may be a drop, and no complete prior is given.
     """
     start = prior if prior is not None else _from_cuboid(estimate)
     if start is None:
@@ -164,13 +166,14 @@ def fit_floor(
         return None
     camera = geometry.camera
     intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
-    level = level_of_camera(
-        geometry.inverse_depth, estimate.labels, color, intrinsics, fit.normal / fit.distance_m
-    ).height_m
-    if level == 0.0:
+    plane = fit.normal / fit.distance_m
+    level_m = level_of_camera(geometry.inverse_depth, estimate.labels, color, intrinsics, plane)
+    if level_m == 0.0:
         return fit
-    under = FloorPlane(fit.normal, fit.distance_m - level, start.source) if level < fit.distance_m else None
-    return None if under is None else _fit(geometry, estimate.labels, config, under, tightly=False)
+    if not level_m < fit.distance_m:
+        return None
+    under = FloorPlane(fit.normal, fit.distance_m - level_m, start.source)
+    return _fit(geometry, estimate.labels, config, under, tightly=False)
 
 
 def _fit(

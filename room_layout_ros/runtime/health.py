@@ -38,7 +38,7 @@ class StreamHealth:
     """For how long every message has been refused; 0 where the last was not."""
 
 
-NO_DEPTH, NOT_USED, NO_FLOOR = "too little depth", "use_depth is false", "none in view, none given"
+NO_DEPTH, NOT_USED, NO_FLOOR = "too little depth", "use_depth is false", "none in view for sure, none given"
 """Why a frame has no floor."""
 
 
