@@ -25,7 +25,7 @@ from room_layout_ros.cli import main as room_layout
 from room_layout_ros.commands.dashboard import room_of, show_source
 from room_layout_ros.commands.dashboard_ears import Ears
 from room_layout_ros.commands.dashboard_page import dashboard_html
-from room_layout_ros.commands.dashboard_room import MOST_POINTS, Cloud, Grid, Room, state_of
+from room_layout_ros.commands.dashboard_room import MOST_POINTS, Cloud, Room, state_of
 from room_layout_ros.commands.dashboard_server import HOST, Board, serve
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, UNKNOWN_CELL
@@ -33,6 +33,7 @@ from room_layout_ros.core.labels import CLUTTER, FLOOR, LABEL_COLORS
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 from room_layout_ros.datasets import good_samples
 from room_layout_ros.datasets.synthetic import SyntheticSource
+from room_layout_ros.evaluation.floor_picture import FloorGrid
 from room_layout_ros.listening import listen
 from room_layout_ros.node_config import NodeConfig
 from room_layout_ros.runtime.diagnosis import Finding, Level
@@ -96,7 +97,7 @@ def test_what_the_page_has_is_not_sent_again(board: Board, server: ThreadingHTTP
 
 
 def test_arrays_reach_the_page_as_they_are() -> None:
-    grid = Grid(np.array([[0, 100, -1], [-1, 0, 100]], np.int8), 0.05, (1.0, -2.0))
+    grid = FloorGrid(np.array([[0, 100, -1], [-1, 0, 100]], np.int8), 0.05, (1.0, -2.0))
     points = np.arange(6, dtype=np.float32).reshape(2, 3)
     cloud = Cloud(points, np.array([[1, 2, 3], [4, 5, 6]], np.uint8))
     state = json.loads(json.dumps(state_of(0, 1, Room("a frame", grid=grid, cloud=cloud))))

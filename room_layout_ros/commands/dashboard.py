@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from room_layout_ros.commands.dashboard_ears import SETTLE_S, Ears
-from room_layout_ros.commands.dashboard_room import MOST_POINTS, Cloud, Grid, Room
+from room_layout_ros.commands.dashboard_room import MOST_POINTS, Cloud, Room
 from room_layout_ros.commands.dashboard_server import HOST, Board, serve
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
 from room_layout_ros.core.config import EstimatorConfig
@@ -28,6 +28,7 @@ from room_layout_ros.core.picture import draw_overlay
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 from room_layout_ros.datasets import DataError, FrameSource, good_samples
 from room_layout_ros.datasets.images import encode_image
+from room_layout_ros.evaluation.floor_picture import FloorGrid
 from room_layout_ros.listening import listen
 
 DEFAULT_PORT = 8641
@@ -116,11 +117,11 @@ def room_of(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -
     )
 
 
-def _grid_of(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -> Grid | None:
+def _grid_of(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -> FloorGrid | None:
     """Find the free space; None without depth or floor."""
     geometry = compute_depth_geometry(frame, config)
     space = None if geometry is None else compute_free_space(geometry, estimate, config, color=frame.color)
-    return None if space is None else Grid(space.grid, space.resolution_m, space.origin_m)
+    return None if space is None else FloorGrid(space.grid, space.resolution_m, space.origin_m)
 
 
 def _cloud_of(frame: RgbdFrame, estimate: RoomEstimate) -> Cloud | None:

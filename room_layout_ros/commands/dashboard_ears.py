@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from room_layout_ros.core.labels import CLUTTER, FLOOR, LABEL_COLORS, LABEL_NAMES
 from room_layout_ros.datasets.images import encode_image
+from room_layout_ros.evaluation.floor_picture import FloorGrid
 from room_layout_ros.listening import Listener
 
-from .dashboard_room import Cloud, Grid, Room
+from .dashboard_room import Cloud, Room
 from .dashboard_server import Board
 
 SETTLE_S = 0.1
@@ -33,7 +34,7 @@ class _Heard:
 
     overlay: bytes = b""
     polygons: dict[int, list[list[float]]] = field(default_factory=dict)
-    grid: Grid | None = None
+    grid: FloorGrid | None = None
     points: dict[int, NDArray[np.float32]] = field(default_factory=dict)
     metric: bool | None = None
 
@@ -93,12 +94,9 @@ class Ears:
     def on_free_space(self, message: Any) -> None:
         """Take the free-space grid."""
         info = message.info
-        width, height = int(info.width), int(info.height)
-        cells = np.asarray(message.data, np.int8)
-        if not 0 < width * height == cells.size <= _MOST_CELLS:
+        if not 0 < info.width * info.height == len(message.data) <= _MOST_CELLS:
             return
-        corner = (float(info.origin.position.x), float(info.origin.position.y))
-        self._parts_of(message).grid = Grid(cells.reshape(height, width), float(info.resolution), corner)
+        self._parts_of(message).grid = FloorGrid.of_message(message)
         self._show(message)
 
     def on_obstacles(self, message: Any) -> None:

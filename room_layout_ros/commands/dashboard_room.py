@@ -10,23 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from room_layout_ros.evaluation.floor_picture import FloorGrid
+
 MOST_POINTS = 5000
 """Points of one frame on the page: more of them cost the browser more than they show."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Grid:
-    """Free space from above, the robot at (0, 0), x ahead and y left in metres.
-
-    Attributes
-    ----------
-    cells : (rows, cols) int8, -1 unknown, 0 free to 100 occupied; row i along y, column j along x (OccupancyGrid).
-    resolution_m, origin_m : side of a cell; x and y of the lower corner of cell (0, 0).
-    """
-
-    cells: NDArray[np.int8]
-    resolution_m: float
-    origin_m: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +44,7 @@ class Room:
     name: str
     overlay: bytes = b""
     polygons: Sequence[tuple[int, Sequence[Sequence[float]]]] = ()
-    grid: Grid | None = None
+    grid: FloorGrid | None = None
     cloud: Cloud | None = None
     numbers: Mapping[str, str] = field(default_factory=dict)
     stages: Mapping[str, float] = field(default_factory=dict)
@@ -80,7 +67,7 @@ def state_of(number: int, frames: int, room: Room) -> dict[str, Any]:
     }
 
 
-def _grid(grid: Grid) -> dict[str, Any]:
+def _grid(grid: FloorGrid) -> dict[str, Any]:
     """Cells row by row ahead of the robot, as the page draws them, in each row from right to left."""
     ahead, left = grid.cells.shape[::-1]
     return {
