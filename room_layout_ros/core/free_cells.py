@@ -245,6 +245,23 @@ def _is_floor(sums, i, j, least, bridge_cells):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _by_walls(sums, i, j, x, y, walls, size, least_seen):  # type: ignore[no-untyped-def]
+    """Whether the middle of a cell is inside all walls, and whether one of them runs through it (no open door)."""
+    rows, cols, _ = sums.shape
+    inside, on_wall, near_room = True, False, True
+    for k in range(len(walls)):
+        a, b = walls[k, 0], walls[k, 1]
+        before, half = walls[k, 2] - a * x - b * y, 0.5 * size * (abs(a) + abs(b))
+        inside, near_room = inside and before >= 0.0, near_room and before >= -half
+        if abs(before) < half:
+            # The foot of a wall looks like floor a cell behind it; an open door shows floor farther on.
+            m = min(max(i + int(np.rint(_BEHIND_WALL_CELLS * b)), 0), rows - 1)
+            n = min(max(j + int(np.rint(_BEHIND_WALL_CELLS * a)), 0), cols - 1)
+            on_wall = on_wall or sums[m, n, SEEN] < least_seen
+    return inside, on_wall and near_room
+
+
+@njit(cache=True, nogil=True)
 def _decide(sums, corner, things, height, sigma, walls, half_view, focal, fit, limits):  # type: ignore[no-untyped-def]
     """Cells by what they hold, without their surroundings; and how near and far what stands in them may reach."""
     x0, y0, size = corner
@@ -260,17 +277,8 @@ def _decide(sums, corner, things, height, sigma, walls, half_view, focal, fit, l
         y = y0 + (i + 0.5) * size
         for j in range(cols):
             x = x0 + (j + 0.5) * size
-            inside, on_wall, near_room = True, False, True
-            for k in range(len(walls)):
-                a, b = walls[k, 0], walls[k, 1]
-                before, half = walls[k, 2] - a * x - b * y, 0.5 * size * (abs(a) + abs(b))
-                inside, near_room = inside and before >= 0.0, near_room and before >= -half
-                if abs(before) < half:
-                    # The foot of a wall looks like floor a cell behind it; an open door shows floor farther on.
-                    m = min(max(i + int(np.rint(_BEHIND_WALL_CELLS * b)), 0), rows - 1)
-                    n = min(max(j + int(np.rint(_BEHIND_WALL_CELLS * a)), 0), cols - 1)
-                    on_wall = on_wall or sums[m, n, SEEN] < least_seen
-            if on_wall and near_room and abs(np.arctan2(y, x)) <= half_view:
+            inside, on_wall = _by_walls(sums, i, j, x, y, walls, size, least_seen)
+            if on_wall and abs(np.arctan2(y, x)) <= half_view:
                 grid[i, j] = OCCUPIED_CELL
             if not inside:
                 continue
