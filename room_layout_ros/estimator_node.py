@@ -100,10 +100,16 @@ def run(make_node: Callable[[], Any], args: Sequence[str] | None) -> int:
             os._exit(0)
 
 
+def _interrupt(_number: int, _frame: object) -> None:
+    """End by KeyboardInterrupt; what it leaves half made (an object of the compiler) ends with the process in silence."""
+    sys.unraisablehook = lambda _unraisable: None
+    raise KeyboardInterrupt
+
+
 def _work(make_node: Callable[[], Any], args: Sequence[str] | None) -> tuple[int, bool]:
     """Return the exit code and whether all threads have ended."""
     for number in (signal.SIGINT, signal.SIGTERM):  # rclpy puts its own handlers on top of these
-        signal.signal(number, signal.default_int_handler)
+        signal.signal(number, _interrupt)
     initialised = False
     try:
         join(args)
