@@ -101,7 +101,7 @@ def run(make_node: Callable[[], Any], args: Sequence[str] | None) -> int:
 
 
 def _interrupt(_number: int, _frame: object) -> None:
-    """End by KeyboardInterrupt; what it leaves half made (an object of the compiler) ends with the process in silence."""
+    """End by KeyboardInterrupt; an object of the compiler that it leaves half made ends with the process in silence."""
     sys.unraisablehook = lambda _unraisable: None
     raise KeyboardInterrupt
 
