@@ -23,7 +23,7 @@ from .node_config import NodeConfig
 from .publications import Publications
 from .reporter import Reporter, dds_profile
 from .runtime.diagnosis import NodeFacts
-from .runtime.session import CAMERA, CAMERAS, IMU, EstimatorSession, RefusedError
+from .runtime.session import CAMERA, CAMERAS, IMU, JUMP, EstimatorSession, RefusedError
 from .runtime.throttle import Throttle
 from .settings import MakeEstimator, Settings, check_streams
 from .stages import NodeStages
@@ -34,8 +34,6 @@ _LISTENER_PERIOD_S = 0.1
 _EXIT_S = 1.0
 """The process must be out two seconds after the signal; a frame in hand gets this long."""
 
-_JUMP = "jump of the clock"
-"""The cause under which a session complains of stamps that jump."""
 _JUMP_PERIOD_S = 600.0
 """A short bag that loops jumps every few seconds, and nothing is wrong with it."""
 
@@ -117,11 +115,11 @@ class Shell:
 
     def complain(self, cause: str, sentence: str) -> None:
         """Log, at most one line per second and cause; a jump of the clock is a warning every ten minutes."""
-        held = (self._jump_throttle if cause == _JUMP else self._throttle).due(cause)
+        held = (self._jump_throttle if cause == JUMP else self._throttle).due(cause)
         if held is None or not ok(context=self._node.context):
             return
         line = f"{sentence} [{held} more]" if held else sentence
-        if cause == _JUMP:
+        if cause == JUMP:
             self._node.get_logger().warning(f"{line} (resets on /diagnostics counts every jump)")
         else:
             self._node.get_logger().error(line)
@@ -194,7 +192,7 @@ class Shell:
         self._transforms.clear()
         if self._session is not None and self._inputs:
             back_s = -jump.delta.nanoseconds * 1e-9
-            self.complain(_JUMP, f"/clock jumped back by {back_s:.1f} s; starting afresh")
+            self.complain(JUMP, f"/clock jumped back by {back_s:.1f} s; starting afresh")
             self._session.reset()
 
     # ---- what is going on

@@ -73,7 +73,7 @@ def level_of_camera(
 
 def _alike(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
     """Whether two surfaces have the same colour, from the sums over their pixels."""
-    shares = one[_RED : _SUM + 1] / max(one[_SUM], 1.0), other[_RED : _SUM + 1] / max(other[_SUM], 1.0)
+    shares = one[_RED:_SUM] / max(one[_SUM], 1.0), other[_RED:_SUM] / max(other[_SUM], 1.0)
     bright = one[_SUM] / max(one[_COUNT], 1.0), other[_SUM] / max(other[_COUNT], 1.0)
     same = np.abs(shares[0] - shares[1]).max() < _ALIKE_SHARES
     return bool(same and abs(bright[0] - bright[1]) <= _ALIKE_BRIGHTNESS * max(bright))

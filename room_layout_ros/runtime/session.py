@@ -26,6 +26,9 @@ CAMERAS = (CAMERA, DEPTH_CAMERA)
 IMU, TF = "imu", "tf"
 STREAMS = (COLOR, DEPTH, *CAMERAS, IMU)
 
+JUMP = "jump of the clock"
+"""The cause under which stamps that jump are complained of."""
+
 
 class RefusedError(ValueError):
     """A message or pair that cannot be used: `reason` is what it is counted under, the text says what is wrong."""
@@ -165,7 +168,7 @@ class EstimatorSession:
             # Under the lock: pairs of two threads reach the worker in the order in which they were made.
             self._loop.submit(_Job(pair, now, self._epoch))
         if pair.reset:
-            self._stages.complain("jump of the clock", "stamps jumped; everything known from before is forgotten")
+            self._stages.complain(JUMP, "stamps jumped; everything known from before is forgotten")
 
     def add_camera(self, stream: str, stamp_ns: int, camera: object) -> bool:
         """Take a checked camera of CAMERA or DEPTH_CAMERA (stamp 0: none); return True if it differs from the last."""
