@@ -221,6 +221,7 @@ class Shell:
             floor=str(answer),
             floor_missing=answer.missing,
             no_height=answer.no_height,
+            tf_publishers=self._inputs.tf_publishers() if self._settings.node.pose_source == "auto" else 0,
             transforms=self._transforms.said(),
         )
 

@@ -17,7 +17,7 @@ from msg_adapters import messages
 from .inputs import IMU_TOPIC, INPUT_TOPICS, TRANSPORTS, transport_of
 from .runtime.diagnosis import InputFacts
 from .runtime.pairing import COLOR, DEPTH
-from .runtime.session import CAMERA, CAMERAS, IMU, TF
+from .runtime.session import CAMERA, CAMERAS, IMU
 from .settings import Settings
 
 _DEPTH = 5
@@ -103,17 +103,14 @@ class Subscriptions:
         if settings.node.pose_source == "imu":
             topic = self._node.resolve_topic_name(IMU_TOPIC)
             facts[IMU] = InputFacts(topic, True, self._node.count_publishers(topic), self._clashes.get(IMU, ""))
-        if settings.node.pose_source == "auto":
-            facts[TF] = self._tf()
         return facts
 
-    def _tf(self) -> InputFacts:
-        """Return who publishes TF beside this node, which sends its floor's frame there."""
+    def tf_publishers(self) -> int:
+        """Return how many publish TF beside this node, which sends its floor's frame there."""
         own = self._node.get_namespace(), self._node.get_name()
         topics = [self._node.resolve_topic_name(topic) for topic in _TF_TOPICS]
         ends = [end for topic in topics for end in self._node.get_publishers_info_by_topic(topic)]
-        others = sum((end.node_namespace, end.node_name) != own for end in ends)
-        return InputFacts(", ".join(topics), publishers=others)
+        return sum((end.node_namespace, end.node_name) != own for end in ends)
 
     def _topic(self, stream: str, settings: Settings) -> str:
         return self._topic_by(stream, transport_of(stream, settings.node))

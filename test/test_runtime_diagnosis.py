@@ -10,7 +10,7 @@ import pytest
 from room_layout_ros.runtime.diagnosis import Finding, InputFacts, Level, NodeFacts, diagnose
 from room_layout_ros.runtime.health import FloorOutcome, Health, StreamHealth
 from room_layout_ros.runtime.pairing import COLOR, DEPTH
-from room_layout_ros.runtime.session import CAMERA, IMU, TF
+from room_layout_ros.runtime.session import CAMERA, IMU
 
 TOPICS = {COLOR: "/rgb", DEPTH: "/depth", CAMERA: "/info"}
 FACTS = NodeFacts(inputs={s: InputFacts(t, publishers=1) for s, t in TOPICS.items()}, listening_s=60.0)
@@ -280,8 +280,7 @@ def test_the_floor_says_the_name_of_its_frame() -> None:
 
 def with_tf(publishers: int) -> NodeFacts:
     missing = "no transform between 'base_footprint' and 'camera' is known"
-    inputs = {**FACTS.inputs, TF: InputFacts("/tf, /tf_static", publishers=publishers)}
-    return replace(FACTS, inputs=inputs, floor=f"estimate ({missing})", floor_missing=missing)
+    return replace(FACTS, tf_publishers=publishers, floor=f"estimate ({missing})", floor_missing=missing)
 
 
 def test_auto_says_in_a_sentence_that_tf_is_there_without_the_robot() -> None:

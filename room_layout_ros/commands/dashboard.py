@@ -18,11 +18,10 @@ from room_layout_ros.commands.dashboard_room import MOST_POINTS, Cloud, Room
 from room_layout_ros.commands.dashboard_server import HOST, Board, serve
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
 from room_layout_ros.core.config import EstimatorConfig
-from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.freespace import compute_free_space
+from room_layout_ros.core.freespace import free_space_of_frame
 from room_layout_ros.core.labels import LABEL_COLORS, LABEL_NAMES
 from room_layout_ros.core.picture import draw_overlay
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
@@ -119,8 +118,7 @@ def room_of(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -
 
 def _grid_of(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -> FloorGrid | None:
     """Find the free space; None without depth or floor."""
-    geometry = compute_depth_geometry(frame, config)
-    space = None if geometry is None else compute_free_space(geometry, estimate, config, color=frame.color)
+    space = free_space_of_frame(frame, estimate, config)
     return None if space is None else FloorGrid(space.grid, space.resolution_m, space.origin_m)
 
 

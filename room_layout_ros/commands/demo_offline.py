@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from room_layout_ros.core.config import EstimatorConfig
-from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.freespace import compute_free_space
+from room_layout_ros.core.freespace import free_space_of_frame
 from room_layout_ros.core.labels import LABEL_COLORS
 from room_layout_ros.core.picture import draw_overlay
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
@@ -76,8 +75,7 @@ def _messages(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig)
         for name, (pixels, encoding) in images.items()
     ]
     messages.append((f"{NODE}/markers", MARKERS, _markers(estimate, stamp_ns, frame_id)))
-    geometry = compute_depth_geometry(frame, config)
-    space = None if geometry is None else compute_free_space(geometry, estimate, config, color=frame.color)
+    space = free_space_of_frame(frame, estimate, config)
     if space is not None:
         raw = encode_grid(space.grid, space.resolution_m, space.origin_m, stamp_ns, f"{frame_id}_floor")
         messages.append((f"{NODE}/free_space", OCCUPANCY_GRID, raw))

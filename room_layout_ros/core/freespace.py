@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .config import EstimatorConfig
-from .depth import DepthGeometry
+from .depth import DepthGeometry, compute_depth_geometry
 from .depth_holes import close_holes
 from .estimate import RoomEstimate
 from .floor_cells import (
@@ -27,7 +27,7 @@ from .floor_cells import (
 )
 from .floor_frame import floor_frame, room_outline, walls_on_floor
 from .floor_plane import FloorPlane, fit_floor, remove_bias
-from .frame import CameraIntrinsics
+from .frame import CameraIntrinsics, RgbdFrame
 from .free_cells import blind_cells, decide_cells, floor_levels, occupied_cells
 from .low_things import find_low_things
 from .overhang import hide_overhung
@@ -36,7 +36,7 @@ from .sight_lines import in_line_of_sight
 from .thing_surfaces import smooth_things
 from .wall_lines import refine_walls
 
-__all__ = ["FREE_CELL", "OCCUPIED_CELL", "UNKNOWN_CELL", "FreeSpace", "compute_free_space"]
+__all__ = ["FREE_CELL", "OCCUPIED_CELL", "UNKNOWN_CELL", "FreeSpace", "compute_free_space", "free_space_of_frame"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +141,12 @@ def compute_free_space(
         walls=walls,
         room_polygon_m=room_outline(walls, box) if len(walls) else np.empty((0, 2)),
     )
+
+
+def free_space_of_frame(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -> FreeSpace | None:
+    """Find the free floor of a frame whose geometry is not at hand; None without depth or floor."""
+    geometry = compute_depth_geometry(frame, config)
+    return None if geometry is None else compute_free_space(geometry, estimate, config, color=frame.color)
 
 
 def _half_view(c: CameraIntrinsics) -> float:

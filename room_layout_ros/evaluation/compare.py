@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from room_layout_ros.core.config import EstimatorConfig
-from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
-from room_layout_ros.core.freespace import compute_free_space
+from room_layout_ros.core.freespace import free_space_of_frame
 from room_layout_ros.datasets import Sample
 from room_layout_ros.datasets.images import encode_image
 
@@ -52,11 +51,7 @@ class EstimatorMethod:
         """Return the cells called free where the sample knows the true ones and depth is used."""
         if self.rgb_only or sample.truth is None or sample.truth.floor_map is None:
             return None
-        geometry = compute_depth_geometry(sample.frame, self.config)
-        if geometry is None:
-            return called_free(None, sample.truth.floor_map)
-        found = compute_free_space(geometry, estimate, self.config, color=sample.frame.color)
-        return called_free(found, sample.truth.floor_map)
+        return called_free(free_space_of_frame(sample.frame, estimate, self.config), sample.truth.floor_map)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from math import isnan
 
 from .health import Health, StreamHealth
 from .pairing import COLOR, DEPTH
-from .session import CAMERA, CAMERAS, DEPTH_CAMERA, IMU, TF
+from .session import CAMERA, CAMERAS, DEPTH_CAMERA, IMU
 
 NAMES = {IMU: "imu", COLOR: "colour", DEPTH: "depth", CAMERA: "camera_info", DEPTH_CAMERA: "camera_info of depth"}
 
@@ -43,7 +43,7 @@ class NodeFacts:
     """What the node knows beside the counters."""
 
     inputs: Mapping[str, InputFacts]
-    """By stream. TF, which is no stream, is there where the floor may come from it: `publishers` but our own."""
+    """By stream."""
     state: str = "running"
     """running, warming up, waiting for /clock, or idle (no listener)."""
     listening_s: float = 0.0
@@ -59,6 +59,8 @@ class NodeFacts:
     """Why `pose_source` could not say where the floor is; "" where it could."""
     no_height: str = ""
     """Why `pose_source` says where down is, but not how high the camera is; "" where it says both or neither."""
+    tf_publishers: int = 0
+    """Of TF, but our own, where the floor may come from it."""
     transforms: str = ""
     """Which transforms were not known at the time of a frame; "" where none."""
 
@@ -77,7 +79,7 @@ class Finding:
 
 def diagnose(health: Health, before: Health, facts: NodeFacts) -> list[Finding]:
     """Return the state of every input, the estimates and the floor; `before` is the snapshot of the last call."""
-    findings = [_input(s, health.streams[s], before.streams[s], facts) for s in facts.inputs if s != TF]
+    findings = [_input(s, health.streams[s], before.streams[s], facts) for s in facts.inputs]
     return [*findings, _estimates(health, before, facts), _floor(health, before, facts)]
 
 
@@ -248,7 +250,7 @@ def _floor_state(health: Health, before: Health, facts: NodeFacts) -> tuple[Leve
         wrong = f"{wrong}; {source}" if wrong else source
     if wrong:
         return Level.WARN, wrong
-    if facts.floor_missing and TF in facts.inputs and facts.inputs[TF].publishers:
+    if facts.floor_missing and facts.tf_publishers:
         return Level.OK, (
             f"TF is there, but {facts.floor_missing}; the floor is taken from the picture alone: "
             "set robot_frame to the frame of the robot that lies on the floor, z up"

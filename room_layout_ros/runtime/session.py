@@ -23,7 +23,7 @@ from .pairing import COLOR, DEPTH, STAMP_FAULTS, Pair, PairingRules, StreamCount
 
 CAMERA, DEPTH_CAMERA = "camera_info", "depth_camera_info"
 CAMERAS = (CAMERA, DEPTH_CAMERA)
-IMU, TF = "imu", "tf"
+IMU = "imu"
 STREAMS = (COLOR, DEPTH, *CAMERAS, IMU)
 
 JUMP = "jump of the clock"
