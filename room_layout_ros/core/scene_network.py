@@ -1,7 +1,7 @@
 """The scene network: what each part of a colour image is, and which face of the room is behind it, at one look.
 
-A small convolutional network (EfficientNet-Lite0 with a light decoder, `learning.scene_model`) run by OpenCV on one
-thread. Beyond the paper: it stands beside geometric context as evidence, and it is all that sees furniture as such.
+A small convolutional network (`scene_layers`) on one thread. Beyond the paper: it stands beside geometric context as
+evidence, and it is all that sees furniture as such.
 """
 
 from __future__ import annotations
@@ -19,19 +19,9 @@ from numpy.typing import NDArray
 
 from .color import blank_border
 from .labels import N_FACES, N_LABELS
+from .scene_layers import COLUMNS, INPUT_HEIGHT, INPUT_WIDTH, N_SCORES, ROWS, SceneLayers, Work
 from .weights import WeightsError, read_arrays, write_arrays
 
-INPUT_WIDTH, INPUT_HEIGHT = 256, 192
-"""Any image is resized to this, whatever its shape: in training the two sides are zoomed differently too."""
-
-STRIDE = 4
-"""Pixels of the input per cell of the output."""
-
-ROWS, COLUMNS = INPUT_HEIGHT // STRIDE, INPUT_WIDTH // STRIDE
-N_CLASSES = 41
-"""NYU40 ids, and 0 for what has no label (never trained, so never likely)."""
-
-N_SCORES = N_LABELS + N_FACES + N_CLASSES
 _KIND = "room_layout scene network"
 _MEAN, _SPREAD = 127.0, 128.0
 _POOL_ROWS, _POOL_COLUMNS = 2, 4
@@ -80,26 +70,19 @@ class SceneNetwork:
 
     Parameters
     ----------
-    onnx : (n,) uint8 the network as an ONNX file.
+    arrays : {name: array} its weights (`scene_layers.SceneLayers`).
     card : what the trainer says about it; JSON values.
 
     Raises
     ------
     ValueError
-        When OpenCV cannot read it or its output has another shape.
+        When they are not the weights of such a network.
     """
 
-    def __init__(self, onnx: NDArray[np.uint8], card: Mapping[str, Any] | None = None) -> None:
-        self.onnx, self.card = onnx, dict(card or {})
-        self._idle: queue.LifoQueue[cv2.dnn.Net] = queue.LifoQueue()
-        try:
-            net = self._load()
-            shape = _forward(net, np.zeros((1, 3, INPUT_HEIGHT, INPUT_WIDTH), np.float32)).shape
-        except cv2.error as error:
-            raise ValueError(f"OpenCV {cv2.__version__} cannot run the network: {error.err}") from None
-        if shape != (N_SCORES, ROWS, COLUMNS):
-            raise ValueError(f"the network gives scores of shape {shape}; {(N_SCORES, ROWS, COLUMNS)} is needed")
-        self._idle.put(net)
+    def __init__(self, arrays: Mapping[str, NDArray[Any]], card: Mapping[str, Any] | None = None) -> None:
+        self.arrays, self.card = dict(arrays), dict(card or {})
+        self._layers = SceneLayers(self.arrays)
+        self._idle: queue.LifoQueue[Work] = queue.LifoQueue()
 
     def __call__(self, color: NDArray[np.uint8]) -> SceneScores:
         """Look at an (H, W, 3) uint8 RGB image of any size."""
@@ -110,16 +93,13 @@ class SceneNetwork:
             filled = np.asarray(cv2.copyMakeBorder(inside, top, bottom, left, right, cv2.BORDER_REPLICATE), np.uint8)
         small = cv2.resize(filled, (INPUT_WIDTH, INPUT_HEIGHT), interpolation=cv2.INTER_AREA)
         try:
-            net = self._idle.get_nowait()
+            work = self._idle.get_nowait()
         except queue.Empty:
-            net = self._load()
+            work = self._layers.workspace()
         try:
-            return SceneScores(_forward(net, normalize_color(np.asarray(small, np.uint8))[None]))
+            return SceneScores(self._layers.run(normalize_color(np.asarray(small, np.uint8)), work))
         finally:
-            self._idle.put(net)
-
-    def _load(self) -> cv2.dnn.Net:
-        return cv2.dnn.readNetFromONNX(self.onnx)
+            self._idle.put(work)
 
 
 def compute_scene_scores(color: NDArray[np.uint8] | None, network: SceneNetwork | None) -> SceneScores | None:
@@ -128,8 +108,8 @@ def compute_scene_scores(color: NDArray[np.uint8] | None, network: SceneNetwork 
 
 
 def normalize_color(color: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """(3, H, W) float32 input of the network for (H, W, 3) uint8 RGB."""
-    return np.ascontiguousarray((np.moveaxis(color, -1, 0).astype(np.float32) - _MEAN) / _SPREAD)
+    """(..., 3) float32 input of the network for (..., 3) uint8 RGB."""
+    return np.asarray((color.astype(np.float32) - _MEAN) / _SPREAD, np.float32)
 
 
 def pool_scene(scores: SceneScores | None, index: NDArray[np.int32], count: int) -> SuperpixelScene | None:
@@ -146,7 +126,7 @@ def pool_scene(scores: SceneScores | None, index: NDArray[np.int32], count: int)
 
 def save_network(network: SceneNetwork, path: Path) -> None:
     """Write a network; the same network gives the same bytes."""
-    write_arrays(path, _KIND, {"onnx": network.onnx}, network.card)
+    write_arrays(path, _KIND, network.arrays, network.card)
 
 
 def load_network(path: Path) -> SceneNetwork:
@@ -155,20 +135,14 @@ def load_network(path: Path) -> SceneNetwork:
     Raises
     ------
     WeightsError
-        When the file is missing, damaged, of another kind, or OpenCV cannot run what it holds.
+        When the file is missing, damaged, of another kind, or holds other weights than the network's.
     """
-    arrays, card = read_arrays(path, _KIND)
-    if set(arrays) != {"onnx"} or arrays["onnx"].dtype != np.uint8 or arrays["onnx"].ndim != 1:
-        raise WeightsError(f"{path} does not hold one array onnx of bytes; it is no scene network of this version")
     try:
-        return SceneNetwork(arrays["onnx"], card)
+        return SceneNetwork(*read_arrays(path, _KIND))
+    except WeightsError:
+        raise
     except ValueError as error:
         raise WeightsError(f"{path}: {error}") from error
-
-
-def _forward(net: cv2.dnn.Net, inputs: NDArray[np.float32]) -> NDArray[np.float32]:
-    net.setInput(inputs)
-    return np.array(net.forward()[0], np.float32)
 
 
 def _softmax(scores: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.labels import LEFT_WALL, RIGHT_WALL
-from ..core.scene_network import INPUT_HEIGHT, INPUT_WIDTH, STRIDE, normalize_color
+from ..core.scene_layers import INPUT_HEIGHT, INPUT_WIDTH, STRIDE
+from ..core.scene_network import normalize_color
 from .scene_examples import SceneExamples
 
 _MIRRORED = np.arange(256, dtype=np.uint8)
@@ -79,7 +80,7 @@ def _view(
     )
     if mirrored:
         labels, layout = _MIRRORED[labels], _MIRRORED[layout]
-    return normalize_color(color), labels, layout, classes
+    return np.moveaxis(normalize_color(color), -1, 0), labels, layout, classes
 
 
 def _warp(width: int, height: int, settings: Augmentation | None, rng: np.random.Generator) -> NDArray[np.float64]:

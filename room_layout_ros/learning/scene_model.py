@@ -2,13 +2,12 @@
 
 The backbone is EfficientNet-Lite0 (Tan, Le, ICML 2019; without squeeze-and-excitation, ReLU6), which has only
 operations that CPUs do well. The decoder adds its four scales from coarse to fine with depthwise separable
-convolutions. The trained network is exported to ONNX and run by `core.scene_network` in OpenCV.
+convolutions. The trained network becomes arrays, which `core.scene_layers` runs.
 """
 
 from __future__ import annotations
 
-import io
-import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -18,23 +17,20 @@ from torch import nn
 from torch.nn import functional
 
 from ..core.labels import N_FACES, N_LABELS
-from ..core.scene_network import INPUT_HEIGHT, INPUT_WIDTH, N_CLASSES, STRIDE
-from .onnx_file import portable_onnx
-
-_STAGES = (  # repeats, kernel, stride, expansion, channels in and out
-    (1, 3, 1, 1, 32, 16),
-    (2, 3, 2, 6, 16, 24),
-    (2, 5, 2, 6, 24, 40),
-    (3, 3, 2, 6, 40, 80),
-    (3, 5, 1, 6, 80, 112),
-    (4, 5, 2, 6, 112, 192),
-    (1, 3, 1, 6, 192, 320),
+from ..core.scene_layers import (
+    BEHIND,
+    INPUT_HEIGHT,
+    INPUT_WIDTH,
+    N_CLASSES,
+    SMOOTH,
+    STAGES,
+    STRIDE,
+    TAPS,
+    TOP,
+    WIDTH,
 )
-_TAPS = {2: 24, 4: 40, 10: 112, 15: 320}
-"""Block after which the decoder reads, and its channels: strides 4, 8, 16, 32."""
 
 _DEEPEST = 32
-_ONNX_OPSET = 12
 
 
 class _SameConv(nn.Conv2d):
@@ -90,26 +86,26 @@ def _separable(channels: int, kernel: int) -> nn.Sequential:
 class SceneModel(nn.Module):
     """Scores per cell of `STRIDE` pixels: six labels, five faces of the empty room, `N_CLASSES` classes."""
 
-    def __init__(self, width: int = 64, dropout: float = 0.2) -> None:
+    def __init__(self, width: int = WIDTH, dropout: float = 0.2) -> None:
         super().__init__()
         self.frozen: list[nn.Module] = []
         self._conv_stem = _SameConv(3, 32, 3, 2, bias=False)
         self._bn0 = _norm(32)
         blocks = []
-        for repeats, kernel, stride, expansion, channels_in, channels_out in _STAGES:
+        for repeats, kernel, stride, expansion, channels_in, channels_out in STAGES:
             for k in range(repeats):
                 taken = (stride, channels_in) if k == 0 else (1, channels_out)
                 blocks.append(_Block(kernel, taken[0], expansion, taken[1], channels_out))
         self._blocks = nn.ModuleList(blocks)
-        self.lateral = nn.ModuleList([nn.Conv2d(channels, width, 1) for channels in _TAPS.values()])
+        self.lateral = nn.ModuleList([nn.Conv2d(channels, width, 1) for channels in TAPS.values()])
         self.coarse = (INPUT_HEIGHT // _DEEPEST, INPUT_WIDTH // _DEEPEST)
         self.position = nn.Parameter(torch.zeros(1, width, *self.coarse))
-        self.whole = nn.Conv2d(_TAPS[15], width, 1)
-        self.top = nn.Sequential(_separable(width, 5), _separable(width, 5))
-        self.smooth = nn.ModuleList([_separable(width, kernel) for kernel in (5, 5, 3)])
+        self.whole = nn.Conv2d(TAPS[15], width, 1)
+        self.top = nn.Sequential(*(_separable(width, kernel) for kernel in TOP))
+        self.smooth = nn.ModuleList([_separable(width, kernel) for kernel in SMOOTH])
         self.dropout = nn.Dropout2d(dropout)
         self.labels = nn.Conv2d(width, N_LABELS, 1)
-        self.layout = nn.Sequential(_separable(width, 5), nn.Conv2d(width, N_FACES, 1))
+        self.layout = nn.Sequential(_separable(width, BEHIND), nn.Conv2d(width, N_FACES, 1))
         self.classes = nn.Conv2d(width, N_CLASSES, 1)
 
     def freeze(self, blocks: int) -> None:
@@ -136,7 +132,7 @@ class SceneModel(nn.Module):
         taps = []
         for k, block in enumerate(self._blocks):
             x = block(x)
-            if k in _TAPS:
+            if k in TAPS:
                 taps.append(x)
         *finer, deepest = taps
         image = self.whole(functional.avg_pool2d(deepest, self.coarse))
@@ -170,21 +166,48 @@ def load_backbone(model: SceneModel, path: Path) -> None:
         raise ValueError(f"{path} lacks {absent[0]}; the weights of EfficientNet-Lite0 are needed")
 
 
-def export_onnx(model: SceneModel) -> NDArray[np.uint8]:
-    """(n,) uint8 bytes of the network as an ONNX file with a fixed input."""
-    buffer = io.BytesIO()
-    with warnings.catch_warnings():  # the newer exporter writes what OpenCV does not read
-        warnings.simplefilter("ignore")
-        torch.onnx.export(
-            model.eval(),
-            (torch.zeros(1, 3, INPUT_HEIGHT, INPUT_WIDTH),),
-            buffer,
-            dynamo=False,
-            opset_version=_ONNX_OPSET,
-            input_names=["color"],
-            output_names=["scores"],
-        )
-    return portable_onnx(np.frombuffer(buffer.getvalue(), np.uint8))
+def export_arrays(model: SceneModel) -> dict[str, NDArray[np.float16]]:
+    """Return the weights of `core.scene_layers.SceneLayers`, norms folded in, rounded to half precision: packed, the
+    file is half as large, and scores change by some hundredths at most.
+    """
+    arrays = {"position": model.position[0].permute(1, 2, 0)}
+    for name, conv, norm in _convolutions(model):
+        weight, bias = _folded(conv, norm)
+        if conv.groups > 1:
+            weight = weight[:, 0].permute(1, 2, 0)
+        else:
+            weight = weight.permute(2, 3, 1, 0).reshape(-1, conv.out_channels)
+        arrays |= {f"{name}.weight": weight, f"{name}.bias": bias}
+    return {name: np.ascontiguousarray(values.detach().numpy().astype(np.float16)) for name, values in arrays.items()}
+
+
+def _convolutions(model: SceneModel) -> Iterator[tuple[str, nn.Conv2d, nn.BatchNorm2d | None]]:
+    """Name in the file, convolution and the norm behind it."""
+    yield "stem", model._conv_stem, model._bn0
+    for k, block in enumerate(model._blocks):
+        if block.widens:
+            yield f"blocks.{k}.expand", block._expand_conv, block._bn0
+        yield f"blocks.{k}.filter", block._depthwise_conv, block._bn1
+        yield f"blocks.{k}.project", block._project_conv, block._bn2
+    separable = {f"top.{k}": part for k, part in enumerate(model.top)}
+    separable |= {f"smooth.{k}": part for k, part in enumerate(model.smooth)} | {"behind": model.layout[0]}
+    for name, part in separable.items():
+        yield f"{name}.filter", part[0], part[1]
+        yield f"{name}.mix", part[2], part[3]
+    plain = {f"lateral.{k}": part for k, part in enumerate(model.lateral)} | {"whole": model.whole}
+    for name, part in (plain | {"labels": model.labels, "layout": model.layout[1], "classes": model.classes}).items():
+        yield name, part, None
+
+
+def _folded(conv: nn.Conv2d, norm: nn.BatchNorm2d | None) -> tuple[torch.Tensor, torch.Tensor]:
+    """Weight and bias of a convolution and the norm behind it as one."""
+    if norm is None:
+        assert conv.bias is not None
+        return conv.weight, conv.bias
+    assert norm.running_var is not None
+    assert norm.running_mean is not None
+    gain = norm.weight / torch.sqrt(norm.running_var + norm.eps)
+    return conv.weight * gain[:, None, None, None], norm.bias - norm.running_mean * gain
 
 
 assert STRIDE == 4  # of the finest tap

@@ -15,7 +15,8 @@ from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from ..core.labels import LEFT_WALL, N_FACES, N_LABELS, RIGHT_WALL
-from ..core.scene_network import N_CLASSES, SceneScores
+from ..core.scene_layers import N_CLASSES
+from ..core.scene_network import SceneScores
 from .scene_augmentation import Augmentation, SceneBatch, make_batch
 from .scene_examples import SOME_WALL, SceneExamples
 from .scene_model import SceneModel, load_backbone

@@ -1,0 +1,205 @@
+"""The two inner loops of a convolutional network, in LLVM's own terms: no compiler makes them from loops in Python.
+
+A tile is a few neighbouring pixels by `LANES` channels. All its sums stay in registers while the inputs pass by; that
+is what makes it as fast as the matrix products of a BLAS. Arrays are flat float32 and begin where the tile does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import binding, ir
+from numba import config, types
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
+
+PRODUCT_PIXELS = 8
+"""Pixels of a tile of a matrix product."""
+FILTER_PIXELS = 4
+"""Pixels of a tile of a filter."""
+HALF_LANES = 8
+"""Channels come in multiples of this."""
+LANES = 16 if binding.get_host_cpu_features().get("avx512f") else HALF_LANES
+"""Channels of a tile: as wide as the registers, which must hold a tile."""
+
+_FLOAT = ir.FloatType()
+_INT32 = ir.IntType(32)
+
+
+class _Vectors:
+    """Vectors of `lanes` floats in the code that `builder` writes."""
+
+    def __init__(self, builder: Any, lanes: int) -> None:
+        self._builder, self.type = builder, ir.VectorType(_FLOAT, lanes)
+        self._every = ir.Constant(ir.VectorType(_INT32, lanes), [0] * lanes)
+
+    def load(self, pointer: Any) -> Any:
+        return self._builder.load(self._builder.bitcast(pointer, self.type.as_pointer()), align=4)
+
+    def store(self, vector: Any, pointer: Any) -> None:
+        self._builder.store(vector, self._builder.bitcast(pointer, self.type.as_pointer()), align=4)
+
+    def spread(self, number: Any) -> Any:
+        nothing = ir.Constant(self.type, ir.Undefined)
+        one = self._builder.insert_element(nothing, number, ir.Constant(_INT32, 0))
+        return self._builder.shuffle_vector(one, nothing, self._every)
+
+    def add_product(self, total: Any, one: Any, other: Any) -> Any:
+        product = self._builder.fmul(one, other, flags=("contract",))
+        return self._builder.fadd(total, product, flags=("contract",))
+
+    def store_clamped(self, vectors: list[Any], pointers: list[Any], least: Any, most: Any) -> None:
+        b, lowest, highest = self._builder, self.spread(least), self.spread(most)
+        for vector, pointer in zip(vectors, pointers, strict=True):
+            raised = b.select(b.fcmp_ordered(">", vector, lowest), vector, lowest)
+            self.store(b.select(b.fcmp_ordered("<", raised, highest), raised, highest), pointer)
+
+
+class _Counting:
+    """A loop `for number in range(count)` in the code that `builder` writes; `count` is at least 1."""
+
+    def __init__(self, builder: Any, count: Any) -> None:
+        self._builder, self._count = builder, count
+        self._before, self._body = builder.block, builder.append_basic_block("body")
+        builder.branch(self._body)
+        builder.position_at_end(self._body)
+        self.number = builder.phi(count.type)
+        self.number.add_incoming(ir.Constant(count.type, 0), self._before)
+
+    def carried(self, starts: list[Any]) -> list[Any]:
+        """Return values that `end` replaces in each turn."""
+        values = [self._builder.phi(start.type) for start in starts]
+        for value, start in zip(values, starts, strict=True):
+            value.add_incoming(start, self._before)
+        return values
+
+    def end(self, values: list[Any], replacements: list[Any]) -> None:
+        b, here = self._builder, self._builder.block
+        following = b.add(self.number, ir.Constant(self._count.type, 1), flags=("nsw",))
+        self.number.add_incoming(following, here)
+        for value, replacement in zip(values, replacements, strict=True):
+            value.add_incoming(replacement, here)
+        after = b.append_basic_block("after")
+        b.cbranch(b.icmp_signed("<", following, self._count), self._body, after)
+        b.position_at_end(after)
+
+
+def _pointers(context: Any, builder: Any, signature: Any, arguments: Any) -> list[Any]:
+    """Arguments with arrays as pointers to their first number."""
+    pairs = zip(signature.args, arguments, strict=True)
+    return [
+        make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
+        for kind, value in pairs
+    ]
+
+
+def _steps(builder: Any, pointer: Any, step: Any, count: int) -> list[Any]:
+    pointers = [pointer]
+    for _ in range(count - 1):
+        pointers.append(builder.gep(pointers[-1], [step]))
+    return pointers
+
+
+def _write_product(builder: Any, lanes: int, arguments: list[Any]) -> None:
+    """Write the code of `product_tile`."""
+    inputs, weights, depth, bias, out, out_step, least, most = arguments
+    v = _Vectors(builder, lanes)
+    pixels = _steps(builder, inputs, depth, PRODUCT_PIXELS)
+    start = v.load(bias)
+    loop = _Counting(builder, depth)
+    sums = loop.carried([start] * PRODUCT_PIXELS)
+    weight = v.load(builder.gep(weights, [builder.mul(loop.number, ir.Constant(depth.type, lanes))]))
+    values = [v.spread(builder.load(builder.gep(pixel, [loop.number]))) for pixel in pixels]
+    totals = [v.add_product(total, value, weight) for total, value in zip(sums, values, strict=True)]
+    loop.end(sums, totals)
+    v.store_clamped(totals, _steps(builder, out, out_step, PRODUCT_PIXELS), least, most)
+
+
+def _write_filter(builder: Any, lanes: int, arguments: list[Any]) -> None:
+    """Write the code of `filter_tile`."""
+    inputs, row_step, step, channels, weights, rows, columns, bias, out, least, most = arguments
+    v = _Vectors(builder, lanes)
+    pixels = _steps(builder, inputs, step, FILTER_PIXELS)
+    start = [weights, *[v.load(bias)] * FILTER_PIXELS]
+    outer = _Counting(builder, rows)
+    outer_values = outer.carried(start)
+    row = [builder.gep(pixel, [builder.mul(outer.number, row_step)]) for pixel in pixels]
+    inner = _Counting(builder, columns)
+    weight, *sums = inner_values = inner.carried(outer_values)
+    taps, offset = v.load(weight), builder.mul(inner.number, channels)
+    seen = [v.load(builder.gep(pixel, [offset])) for pixel in row]
+    totals = [v.add_product(total, one, taps) for total, one in zip(sums, seen, strict=True)]
+    replaced = [builder.gep(weight, [channels]), *totals]
+    inner.end(inner_values, replaced)
+    outer.end(outer_values, replaced)
+    v.store_clamped(totals, _steps(builder, out, channels, FILTER_PIXELS), least, most)
+
+
+def _typed(write: Callable[[Any, int, list[Any]], None], lanes: int, kinds: tuple[Any, ...]) -> tuple[Any, Any]:
+    """Signature and code of a function for kernels whose code `write` writes."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        write(builder, lanes, _pointers(context, builder, signature, arguments))
+        return context.get_dummy_value()
+
+    given = (kind if isinstance(kind, (types.Array, types.Float)) else types.intp for kind in kinds)
+    return types.void(*given), code
+
+
+def _product_tile(lanes: int) -> Any:
+    def tile(context, inputs, weights, depth, bias, out, out_step, least, most):  # type: ignore[no-untyped-def]
+        """Write `lanes` channels of `PRODUCT_PIXELS` pixels: bias + inputs x weights, held between `least` and `most`.
+
+        Pixels follow each other by `depth` in and by `out_step` out; the weights are (depth, lanes).
+        """
+        return _typed(_write_product, lanes, (inputs, weights, depth, bias, out, out_step, least, most))
+
+    return intrinsic(tile)
+
+
+def _filter_tile(lanes: int) -> Any:
+    def tile(context, inputs, row_step, step, channels, weights, rows, columns, bias, out, least, most):  # type: ignore[no-untyped-def]
+        """Write `lanes` channels of `FILTER_PIXELS` pixels: bias + the sum of rows x columns inputs of the same
+        channel by their weights, held between `least` and `most`.
+
+        Inputs follow each other by `channels` along a row, pixels by `step` in and `channels` out; the weights are
+        (rows, columns, channels).
+        """
+        kinds = (inputs, row_step, step, channels, weights, rows, columns, bias, out, least, most)
+        return _typed(_write_filter, lanes, kinds)
+
+    return intrinsic(tile)
+
+
+def _plain_product_tile(lanes: int) -> Any:
+    """Return the same for Python, where nothing is compiled (NUMBA_DISABLE_JIT)."""
+
+    def tile(inputs, weights, depth, bias, out, out_step, least, most):  # type: ignore[no-untyped-def]
+        panel = weights[: depth * lanes].reshape(depth, lanes)
+        for k in range(PRODUCT_PIXELS):
+            total = bias[:lanes] + inputs[k * depth : (k + 1) * depth] @ panel
+            out[k * out_step : k * out_step + lanes] = total.clip(least, most)
+
+    return tile
+
+
+def _plain_filter_tile(lanes: int) -> Any:
+    def tile(inputs, row_step, step, channels, weights, rows, columns, bias, out, least, most):  # type: ignore[no-untyped-def]
+        for k in range(FILTER_PIXELS):
+            total = bias[:lanes].copy()
+            for tap in range(rows * columns):
+                at = k * step + tap // columns * row_step + tap % columns * channels
+                total += inputs[at : at + lanes] * weights[tap * channels : tap * channels + lanes]
+            out[k * channels : k * channels + lanes] = total.clip(least, most)
+
+    return tile
+
+
+_of_products, _of_filters = (
+    (_plain_product_tile, _plain_filter_tile)
+    if getattr(config, "DISABLE_JIT", False)
+    else (_product_tile, _filter_tile)
+)
+product_tile, product_half_tile = _of_products(LANES), _of_products(HALF_LANES)
+filter_tile, filter_half_tile = _of_filters(LANES), _of_filters(HALF_LANES)
