@@ -8,6 +8,7 @@ sums (`MOMENTS` numbers per cell) add up over any set of cells.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -30,7 +31,7 @@ MAD_TO_SIGMA = 1.4826
 """Standard deviation of normal noise over its median absolute deviation."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class DepthGeometry:
     """What the depth image says, before any room is assumed.
 
@@ -38,13 +39,17 @@ class DepthGeometry:
     ----------
     inverse_depth : (H, W) float32, 1/m; 0 where nothing was measured.
     measured : share of pixels with depth, 0..1.
-    moments : (rows, cols, 10) float64 sums per cell of `CELL_PX` pixels, see `MOMENTS`.
     """
 
     camera: CameraIntrinsics
     inverse_depth: NDArray[np.float32]
     measured: float
-    moments: NDArray[np.float64]
+
+    @cached_property
+    def moments(self) -> NDArray[np.float64]:
+        """(rows, cols, 10) float64 sums per cell of `CELL_PX` pixels, see `MOMENTS`."""
+        c = self.camera
+        return np.asarray(_cell_moments(self.inverse_depth, CELL_PX, c.fx, c.fy, c.cx, c.cy), np.float64)
 
     def points(self, stride: int = 1) -> NDArray[np.float32]:
         """Return (h, w, 3) float32 points in the camera frame in metres, NaN where nothing was measured."""
@@ -63,9 +68,7 @@ def compute_depth_geometry(frame: RgbdFrame, config: EstimatorConfig) -> DepthGe
     measured = count / depth.size
     if count == 0 or measured < config.min_valid_depth:
         return None
-    camera = frame.camera
-    moments = _cell_moments(inverse, CELL_PX, camera.fx, camera.fy, camera.cx, camera.cy)
-    return DepthGeometry(camera, inverse, measured, moments)
+    return DepthGeometry(frame.camera, inverse, measured)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +143,7 @@ def _cell_moments(inverse, size, fx, fy, cx, cy):  # type: ignore[no-untyped-def
     height, width = inverse.shape
     rows, cols = height // size, width // size
     moments = np.zeros((rows, cols, 10))
+    rays = (np.arange(width) - cx) / fx
     for y in range(rows * size):
         ry = (y - cy) / fy
         for col in range(cols):
@@ -148,7 +152,7 @@ def _cell_moments(inverse, size, fx, fy, cx, cy):  # type: ignore[no-untyped-def
             for x in range(col * size, (col + 1) * size):
                 w = inverse[y, x]
                 if w > 0:
-                    rx = (x - cx) / fx
+                    rx = rays[x]
                     n += 1
                     sx += rx
                     sw += w
