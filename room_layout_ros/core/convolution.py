@@ -66,21 +66,20 @@ def filter_rows(source, height, columns, channels, size, stride, before, taps, b
     source : image with `before` zero pixels left of each row and `size - 1 - before` right of it; `columns` without.
     taps : (size, size, channels), flat.
     """
-    row_step, out_columns, step = (columns + size - 1) * channels, columns // stride, stride * channels
-    whole = channels // LANES * LANES
+    row_step, out_columns, whole = (columns + size - 1) * channels, columns // stride, channels // LANES * LANES
     for row in range(start, stop):
         top = row * stride - before
         skipped = max(0, -top)
         rows = min(size, height - top) - skipped
         weights = taps[skipped * size * channels :]
         for column in range(0, out_columns, FILTER_PIXELS):
-            corner = source[(top + skipped) * row_step + column * step :]
+            corner = source[(top + skipped) * row_step + column * stride * channels :]
             out = target[((row - start) * out_columns + column) * channels :]
             for c in range(0, whole, LANES):
                 filter_tile(
-                    corner[c:], row_step, step, channels, weights[c:], rows, size, bias[c:], out[c:], least, most
+                    corner[c:], row_step, channels, weights[c:], rows, bias[c:], out[c:], least, most, size, stride
                 )
             for c in range(whole, channels, HALF_LANES):
                 filter_half_tile(
-                    corner[c:], row_step, step, channels, weights[c:], rows, size, bias[c:], out[c:], least, most
+                    corner[c:], row_step, channels, weights[c:], rows, bias[c:], out[c:], least, most, size, stride
                 )

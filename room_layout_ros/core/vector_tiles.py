@@ -18,6 +18,8 @@ PRODUCT_PIXELS = 8
 """Pixels of a tile of a matrix product."""
 FILTER_PIXELS = 4
 """Pixels of a tile of a filter."""
+FILTERS = ((3, 1), (3, 2), (5, 1), (5, 2))
+"""Sizes and strides that filters have."""
 HALF_LANES = 8
 """Channels come in multiples of this."""
 LANES = 16 if binding.get_host_cpu_features().get("avx512f") else HALF_LANES
@@ -117,23 +119,31 @@ def _write_product(builder: Any, lanes: int, arguments: list[Any]) -> None:
 
 
 def _write_filter(builder: Any, lanes: int, arguments: list[Any]) -> None:
-    """Write the code of `filter_tile`."""
-    inputs, row_step, step, channels, weights, rows, columns, bias, out, least, most = arguments
+    """Write the code of `filter_tile`: one piece for each size and stride."""
+    *others, size, stride = arguments
+    for its_size, its_stride in FILTERS:
+        same = [
+            builder.icmp_signed("==", given, ir.Constant(given.type, own))
+            for given, own in ((size, its_size), (stride, its_stride))
+        ]
+        with builder.if_then(builder.and_(*same)):
+            _write_one_filter(builder, lanes, its_size, its_stride, others)
+
+
+def _write_one_filter(builder: Any, lanes: int, size: int, stride: int, arguments: list[Any]) -> None:
+    """Along a row each input is loaded once, for all pixels that see it."""
+    inputs, row_step, channels, weights, rows, bias, out, least, most = arguments
     v = _Vectors(builder, lanes)
-    pixels = _steps(builder, inputs, step, FILTER_PIXELS)
-    start = [weights, *[v.load(bias)] * FILTER_PIXELS]
-    outer = _Counting(builder, rows)
-    outer_values = outer.carried(start)
-    row = [builder.gep(pixel, [builder.mul(outer.number, row_step)]) for pixel in pixels]
-    inner = _Counting(builder, columns)
-    weight, *sums = inner_values = inner.carried(outer_values)
-    taps, offset = v.load(weight), builder.mul(inner.number, channels)
-    seen = [v.load(builder.gep(pixel, [offset])) for pixel in row]
-    totals = [v.add_product(total, one, taps) for total, one in zip(sums, seen, strict=True)]
-    replaced = [builder.gep(weight, [channels]), *totals]
-    inner.end(inner_values, replaced)
-    outer.end(outer_values, replaced)
-    v.store_clamped(totals, _steps(builder, out, channels, FILTER_PIXELS), least, most)
+    start = [inputs, weights, *[v.load(bias)] * FILTER_PIXELS]
+    loop = _Counting(builder, rows)
+    row, row_weights, *sums = values = loop.carried(start)
+    seen = [v.load(one) for one in _steps(builder, row, channels, (FILTER_PIXELS - 1) * stride + size)]
+    for tap, weight in enumerate(_steps(builder, row_weights, channels, size)):
+        taps = v.load(weight)
+        sums = [v.add_product(total, seen[k * stride + tap], taps) for k, total in enumerate(sums)]
+    step = builder.mul(channels, ir.Constant(channels.type, size))
+    loop.end(values, [builder.gep(row, [row_step]), builder.gep(row_weights, [step]), *sums])
+    v.store_clamped(sums, _steps(builder, out, channels, FILTER_PIXELS), least, most)
 
 
 def _typed(write: Callable[[Any, int, list[Any]], None], lanes: int, kinds: tuple[Any, ...]) -> tuple[Any, Any]:
@@ -159,14 +169,14 @@ def _product_tile(lanes: int) -> Any:
 
 
 def _filter_tile(lanes: int) -> Any:
-    def tile(context, inputs, row_step, step, channels, weights, rows, columns, bias, out, least, most):  # type: ignore[no-untyped-def]
-        """Write `lanes` channels of `FILTER_PIXELS` pixels: bias + the sum of rows x columns inputs of the same
-        channel by their weights, held between `least` and `most`.
+    def tile(context, inputs, row_step, channels, weights, rows, bias, out, least, most, size, stride):  # type: ignore[no-untyped-def]
+        """Write `lanes` channels of `FILTER_PIXELS` pixels: bias + the sum of rows x `size` inputs of the same channel
+        by their weights, held between `least` and `most`. Size and stride are one of `FILTERS`.
 
-        Inputs follow each other by `channels` along a row, pixels by `step` in and `channels` out; the weights are
-        (rows, columns, channels).
+        Inputs follow each other by `channels` along a row, pixels by `stride` times that in and by `channels` out; the
+        weights are (rows, size, channels).
         """
-        kinds = (inputs, row_step, step, channels, weights, rows, columns, bias, out, least, most)
+        kinds = (inputs, row_step, channels, weights, rows, bias, out, least, most, size, stride)
         return _typed(_write_filter, lanes, kinds)
 
     return intrinsic(tile)
@@ -185,11 +195,11 @@ def _plain_product_tile(lanes: int) -> Any:
 
 
 def _plain_filter_tile(lanes: int) -> Any:
-    def tile(inputs, row_step, step, channels, weights, rows, columns, bias, out, least, most):  # type: ignore[no-untyped-def]
+    def tile(inputs, row_step, channels, weights, rows, bias, out, least, most, size, stride):  # type: ignore[no-untyped-def]
         for k in range(FILTER_PIXELS):
             total = bias[:lanes].copy()
-            for tap in range(rows * columns):
-                at = k * step + tap // columns * row_step + tap % columns * channels
+            for tap in range(rows * size):
+                at = tap // size * row_step + (k * stride + tap % size) * channels
                 total += inputs[at : at + lanes] * weights[tap * channels : tap * channels + lanes]
             out[k * channels : k * channels + lanes] = total.clip(least, most)
 
