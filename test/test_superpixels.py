@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from room_layout_ros.core.color import blank_border, compute_lab
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.superpixel_assignment import CAP, KW, N_CENTER, assign, candidates_of_tiles
-from room_layout_ros.core.superpixel_connectivity import connect, expand, regroup_edges
+from room_layout_ros.core.superpixel_connectivity import connect, expand, moments_of_frame, regroup_edges
 from room_layout_ros.core.superpixel_merging import merge_superpixels
 from room_layout_ros.core.superpixel_sums import N_SUMS, accumulate, plane_of_sums, plane_sse
 from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
@@ -150,11 +150,14 @@ def test_a_row_that_stands_for_two_gives_the_borders_of_the_full_image(rng: np.r
         rows = np.kron(rng.integers(0, 4, (10, 12)), np.ones((2, 3))).astype(np.int32)
         pieces, edges, length = connect(rows, 20, 0, 2, height)
         ids = np.arange(pieces.max() + 1, dtype=np.int32)
-        full, moments = expand(pieces, ids, len(ids), 2, height)
+        full = expand(pieces, ids, 2, height)
         np.testing.assert_array_equal(full, np.repeat(pieces, 2, axis=0)[:height])
         borders = naive.borders(full)
         np.testing.assert_array_equal(edges, np.array(list(borders)))
         np.testing.assert_array_equal(length, list(borders.values()))
+        images = np.zeros((3, *pieces.shape), np.uint8), np.zeros(pieces.shape, np.float32), NO_GRADIENT
+        sums = accumulate(*images, np.zeros((len(ids), N_CENTER), np.float32), pieces, 1, 2, False)
+        moments = moments_of_frame(sums, pieces, ids, 2, height)
         y, x = np.mgrid[:height, :36]
         for column, values in enumerate((np.ones_like(x), x, y)):
             np.testing.assert_allclose(moments[:, column], np.bincount(full.ravel(), values.ravel()))

@@ -22,8 +22,9 @@ N_CENTER = 12
 L_SCALE, AB_OFFSET = np.float32(100.0 / 255.0), np.float32(128.0)
 
 _COST_STEPS = np.float32(2.0**14)
-_COST_LIMIT = np.float32(2.0**10 - 1.0)
-_GRADIENT_CAP = np.float32(16.0)
+"""Per unit of energy: a power of two, so that weights times it round as without."""
+_COST_LIMIT = np.float32(2.0**10 - 1.0) * _COST_STEPS
+_GRADIENT_CAP = np.float32(16.0) * _COST_STEPS
 
 
 @njit(cache=True, nogil=True)
@@ -65,25 +66,50 @@ def _nearest(centers, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _copy_row(lab, w, gradient, y, x0, n, at, pixel, color, depth, by_gradient):  # type: ignore[no-untyped-def]
-    if color:
-        for j in range(n):
-            pixel[0, at + j] = lab[0, y, x0 + j] * L_SCALE
-            pixel[1, at + j] = lab[1, y, x0 + j] - AB_OFFSET
-            pixel[2, at + j] = lab[2, y, x0 + j] - AB_OFFSET
-    if depth:
-        for j in range(n):
-            pixel[3, at + j] = w[y, x0 + j]
-    if by_gradient:
-        for j in range(n):
-            pixel[4, at + j] = gradient[0, y, x0 + j]
-            pixel[5, at + j] = gradient[1, y, x0 + j]
-
-
-@njit(cache=True, nogil=True)
 def first_row(step, rows):  # type: ignore[no-untyped-def]
     """Return the first of every `step`-th row: in the middle of the rows that it stands for, if there is such a row."""
     return step // 2 if rows > step // 2 else 0
+
+
+@njit(cache=True, nogil=True)
+def _read_tiles(lab, w, first, step, tiles):  # type: ignore[no-untyped-def]
+    """Write L, a, b and inverse depth of a strip's pixels into `tiles` (n, 6, _N); rows beyond the image stay.
+
+    A loop of a fixed number of columns would be unrolled and then run pixel by pixel: twice the time.
+    """
+    rows, width = w.shape
+    for i in range(TILE_H):
+        y = first + i * step
+        if y < rows:
+            for t in range(len(tiles)):
+                x0 = t * TILE_W
+                for j in range(min(TILE_W, width - x0)):
+                    tiles[t, 0, i * TILE_W + j] = np.float32(lab[0, y, x0 + j]) * L_SCALE
+                    tiles[t, 1, i * TILE_W + j] = np.float32(lab[1, y, x0 + j]) - AB_OFFSET
+                    tiles[t, 2, i * TILE_W + j] = np.float32(lab[2, y, x0 + j]) - AB_OFFSET
+                    tiles[t, 3, i * TILE_W + j] = w[y, x0 + j]
+
+
+@njit(cache=True, nogil=True)
+def _read_gradient(gradient, first, step, tiles):  # type: ignore[no-untyped-def]
+    """Write the gradient of a strip's pixels into `tiles` (n, 6, _N), behind the four that `_read_tiles` writes."""
+    _, rows, width = gradient.shape
+    for i in range(TILE_H):
+        y = first + i * step
+        if y < rows:
+            for t in range(len(tiles)):
+                for j in range(min(TILE_W, width - t * TILE_W)):
+                    tiles[t, 4, i * TILE_W + j] = gradient[0, y, t * TILE_W + j]
+                    tiles[t, 5, i * TILE_W + j] = gradient[1, y, t * TILE_W + j]
+
+
+@njit(cache=True, nogil=True)
+def _add_gradient(pixel, center, weight, plain, cost):  # type: ignore[no-untyped-def]
+    """Write the costs `plain` of a tile's pixels and that of their gradients at a centre into `cost`."""
+    for p in range(_N):
+        dx, dy = pixel[4, p] - center[GA], pixel[5, p] - center[GB]
+        term = min(weight * (dx * dx + dy * dy), _GRADIENT_CAP)
+        cost[p] = plain[p] + (term if pixel[3, p] > np.float32(0) else np.float32(0))
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
@@ -94,67 +120,59 @@ def assign(lab, w, gradient, centers, lists, count, step, row_px, weights, index
 
     Energy of pixel p at centre s, weights = (space, color, depth?, gradient):
     space |p - mu|^2 + color |I - c|^2 + [measured] (min(KW (w - plane(p))^2, CAP) + gradient |g - g_s|^2)
-    (paper 3.1, eq. 1, with the residual to the plane beside the gradient). Cost and place in the candidate list are
-    packed in one integer, so that the search is a minimum; of equal costs the first candidate wins.
+    (paper 3.1, eq. 1, with the residual to the plane beside the gradient). Cost, in steps, and place in the candidate
+    list are packed in one integer, so that the search is a minimum; of equal costs the first candidate wins.
     """
     height, width = index.shape
     phase = first_row(step, height)
     across = (width + TILE_W - 1) // TILE_W
     px, py = np.empty(_N, np.float32), np.empty(_N, np.float32)
-    for i in range(TILE_H):
-        for j in range(TILE_W):
-            px[i * TILE_W + j] = j
-            py[i * TILE_W + j] = (i * step + phase) * row_px
-    pixel = np.zeros((6, _N), np.float32)
-    own, steep, best = np.empty(_N, np.float32), np.zeros(_N, np.float32), np.empty(_N, np.int32)
+    for p in range(_N):
+        px[p], py[p] = p % TILE_W, (p // TILE_W * step + phase) * row_px
+    tiles = np.zeros((across, 6, _N), np.float32)
+    own, plain, best = np.empty(_N, np.float32), np.empty(_N, np.float32), np.empty(_N, np.int32)
     zero, two = np.float32(0), np.float32(2)
-    space, color = np.float32(weights[0]), np.float32(weights[1])
-    depth, gradient_weight = np.float32(weights[2]), np.float32(weights[3])
-    by_color, by_depth, by_gradient = weights[1] > 0, weights[2] > 0, weights[3] > 0
-    for t in range(len(lists)):
-        x0, y0 = (t % across) * TILE_W, (t // across) * TILE_H * step
-        columns = min(TILE_W, width - x0)
-        for i in range(TILE_H):
-            y = y0 + i * step + phase
-            if y < height:
-                measured = by_depth or by_gradient
-                if columns == TILE_W:
-                    _copy_row(lab, w, gradient, y, x0, TILE_W, i * TILE_W, pixel, by_color, measured, by_gradient)
-                else:
-                    _copy_row(lab, w, gradient, y, x0, columns, i * TILE_W, pixel, by_color, measured, by_gradient)
-        for p in range(_N):
-            best[p] = 2**31 - 1
-            lab2 = pixel[0, p] * pixel[0, p] + pixel[1, p] * pixel[1, p] + pixel[2, p] * pixel[2, p]
-            own[p] = space * (px[p] * px[p] + py[p] * py[p]) + color * lab2
-        for slot in range(count[t]):
-            # |p - s|^2 multiplied out: |p|^2 is the tile's, |s|^2 the centre's, and the rest is linear in the pixel
-            center = centers[lists[t, slot]]
-            cx, cy = center[X] - np.float32(x0), center[Y] - np.float32(y0 * row_px)
-            cl, ca, cb = center[CL], center[CA], center[CB]
-            k0 = space * (cx * cx + cy * cy) + color * (cl * cl + ca * ca + cb * cb)
-            kx, ky = two * space * cx, two * space * cy
-            kl, ka, kb = two * color * cl, two * color * ca, two * color * cb
-            pa, pb, kw, cap = center[PA], center[PB], center[KW] * depth, center[CAP]
-            pc = center[PC] - pa * cx - pb * cy
-            if by_gradient:
-                ga, gb = center[GA], center[GB]
-                for p in range(_N):
-                    dx, dy = pixel[4, p] - ga, pixel[5, p] - gb
-                    term = min(gradient_weight * (dx * dx + dy * dy), _GRADIENT_CAP)
-                    steep[p] = term if pixel[3, p] > zero else zero
+    space, color = np.float32(weights[0]) * _COST_STEPS, np.float32(weights[1]) * _COST_STEPS
+    depth, gradient_weight = np.float32(weights[2]) * _COST_STEPS, np.float32(weights[3]) * _COST_STEPS
+    by_gradient = weights[3] > 0
+    for strip in range(len(lists) // across):
+        first = strip * TILE_H * step
+        _read_tiles(lab, w, first + phase, step, tiles)
+        if by_gradient:
+            _read_gradient(gradient, first + phase, step, tiles)
+        for tx in range(across):
+            t, x0 = strip * across + tx, tx * TILE_W
+            pixel = tiles[tx]
             for p in range(_N):
-                w_p = pixel[3, p]
-                r = w_p - (pa * px[p] + pb * py[p] + pc)
-                fit = kw * r * r
-                fit = cap if fit > cap else fit
-                fit = fit if w_p > zero else zero
-                linear = kx * px[p] + ky * py[p] + kl * pixel[0, p] + ka * pixel[1, p] + kb * pixel[2, p]
-                cost = own[p] + k0 - linear + steep[p] + fit
-                cost = _COST_LIMIT if cost > _COST_LIMIT else cost
-                packed = np.int32((np.int32(cost * _COST_STEPS) << 6) | slot)
-                best[p] = packed if packed < best[p] else best[p]
-        for i in range(TILE_H):
-            y = y0 + i * step + phase
-            if y < height:
-                for j in range(columns):
+                best[p] = 2**31 - 1
+                lab2 = pixel[0, p] * pixel[0, p] + pixel[1, p] * pixel[1, p] + pixel[2, p] * pixel[2, p]
+                own[p] = space * (px[p] * px[p] + py[p] * py[p]) + color * lab2
+            if by_gradient:
+                plain[:] = own
+            for slot in range(count[t]):
+                # |p - s|^2 multiplied out: |p|^2 is the tile's, |s|^2 the centre's, and the rest is linear in the pixel
+                center = centers[lists[t, slot]]
+                cx, cy = center[X] - np.float32(x0), center[Y] - np.float32(first * row_px)
+                cl, ca, cb = center[CL], center[CA], center[CB]
+                k0 = space * (cx * cx + cy * cy) + color * (cl * cl + ca * ca + cb * cb)
+                kx, ky = two * space * cx, two * space * cy
+                kl, ka, kb = two * color * cl, two * color * ca, two * color * cb
+                pa, pb, kw, cap = center[PA], center[PB], center[KW] * depth, center[CAP] * _COST_STEPS
+                pc = center[PC] - pa * cx - pb * cy
+                if by_gradient:
+                    _add_gradient(pixel, center, gradient_weight, plain, own)
+                for p in range(_N):
+                    w_p = pixel[3, p]
+                    r = w_p - (pa * px[p] + pb * py[p] + pc)
+                    fit = kw * r * r
+                    fit = cap if fit > cap else fit
+                    fit = fit if w_p > zero else zero
+                    linear = kx * px[p] + ky * py[p] + kl * pixel[0, p] + ka * pixel[1, p] + kb * pixel[2, p]
+                    cost = own[p] + k0 - linear + fit
+                    cost = _COST_LIMIT if cost > _COST_LIMIT else cost
+                    packed = np.int32((np.int32(cost) << 6) | slot)
+                    best[p] = packed if packed < best[p] else best[p]
+            for i in range(min(TILE_H, (height - first - phase + step - 1) // step)):
+                y = first + phase + i * step
+                for j in range(min(TILE_W, width - x0)):
                     index[y, x0 + j] = lists[t, best[i * TILE_W + j] & 63]

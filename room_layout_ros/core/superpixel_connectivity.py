@@ -7,6 +7,9 @@ from numba import njit
 
 _HASH_SLOTS = 8192
 
+_AT_ONCE = 8
+"""Pixels of a run that are painted at a time."""
+
 
 @njit(cache=True, nogil=True)
 def _find(parent, i):  # type: ignore[no-untyped-def]
@@ -18,127 +21,140 @@ def _find(parent, i):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _runs(index, gap_px):  # type: ignore[no-untyped-def]
-    """Return the first column of each run of equal labels and the first run of each row (H + 1,).
+    """Return first column, end and label of each run of equal labels, and the first run of each row (H + 1,).
 
     A run of up to `gap_px` pixels between two of the same label becomes part of them: the grain of noisy borders.
     """
     height, width = index.shape
     first_run = np.empty(height + 1, np.int32)
-    start = np.empty(height * width, np.int16)
+    start, stop = np.empty(height * width, np.int32), np.empty(height * width, np.int32)
+    labels = np.empty(height * width, np.int32)
+    change = np.empty(width + 1, np.int32)
     n = 0
     for y in range(height):
         first_run[y] = n
-        start[n] = 0
-        n += 1
-        label = index[y, 0]
-        before = np.int32(-1)
-        for x in range(1, width):
-            if index[y, x] != label:
-                if index[y, x] == before and x - start[n - 1] <= gap_px:
-                    n -= 1
-                    before = index[y, start[n - 2]] if n - 2 >= first_run[y] else np.int32(-1)
-                else:
-                    start[n] = x
-                    n += 1
-                    before = label
-                label = index[y, x]
+        changes = _changes(index[y], change)
+        for c in range(changes):
+            label = index[y, change[c]]
+            if n - first_run[y] >= 2 and label == labels[n - 2] and change[c] - start[n - 1] <= gap_px:
+                n -= 1
+            else:
+                start[n], labels[n] = change[c], label
+                n += 1
+            stop[n - 1] = change[c + 1]
     first_run[height] = n
-    return start[:n], first_run
+    return start[:n], stop[:n], labels[:n], first_run
 
 
 @njit(cache=True, nogil=True)
-def _components(index, start, first_run):  # type: ignore[no-untyped-def]
-    """Return the 4-connected component of each run, numbered in raster order, and the number of them."""
-    height, width = index.shape
+def _changes(row, change):  # type: ignore[no-untyped-def]
+    """Write where the labels of a row change, 0 and its length included; return the number of runs. No branches."""
+    change[0], n = 0, 1
+    for x in range(1, len(row)):
+        change[n] = x
+        n += np.intp(row[x] != row[x - 1])
+    change[n] = len(row)
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _overlaps(start, stop, labels, first_run):  # type: ignore[no-untyped-def]
+    """Return the runs that lie one above the other, (n, 2) of the same label and (m, 2) of unlike ones, and how many
+    pixels long the borders of these are (m,).
+
+    Which of the two lists a pair belongs to, no processor can guess: it is written to both, and counts in one.
+    """
     n = len(start)
-    parent = np.arange(n)
-    for y in range(1, height):
-        up, up_end = first_run[y - 1], first_run[y]
-        for run in range(first_run[y], first_run[y + 1]):
-            x0 = start[run]
-            x1 = start[run + 1] if run + 1 < first_run[y + 1] else width
-            while True:
-                up_x1 = start[up + 1] if up + 1 < up_end else width
-                if index[y, x0] == index[y - 1, start[up]]:
-                    a, b = _find(parent, up), _find(parent, run)
-                    parent[max(a, b)] = min(a, b)
-                if up_x1 >= x1:
-                    if up_x1 == x1:
-                        up += 1
-                    break
-                up += 1
+    same, unlike = np.empty((2 * n + 1, 2), np.int32), np.empty((2 * n + 1, 2), np.int32)
+    length = np.empty(2 * n + 1, np.int32)
+    n_same, n_unlike = 0, 0
+    for y in range(1, len(first_run) - 1):
+        up, run, last = first_run[y - 1], first_run[y], first_run[y + 1]
+        while run < last:
+            alike = np.intp(labels[up] == labels[run])
+            same[n_same, 0], same[n_same, 1] = up, run
+            unlike[n_unlike, 0], unlike[n_unlike, 1] = up, run
+            length[n_unlike] = min(stop[up], stop[run]) - max(start[up], start[run])
+            n_same += alike
+            n_unlike += 1 - alike
+            ends, up_ends = stop[run] <= stop[up], stop[up] <= stop[run]
+            run += np.int32(ends)
+            up += np.int32(up_ends)
+    return same[:n_same], unlike[:n_unlike], length[:n_unlike]
+
+
+@njit(cache=True, nogil=True)
+def _components(same, n):  # type: ignore[no-untyped-def]
+    """Return the 4-connected component of each of n runs, numbered in raster order, and the number of them."""
+    parent = np.arange(n).astype(np.int32)
+    for i in range(len(same)):
+        a, b = _find(parent, same[i, 0]), _find(parent, same[i, 1])
+        parent[max(a, b)] = min(a, b)
     component = np.empty(n, np.int32)
     count = 0
     for run in range(n):
-        root = _find(parent, run)
-        if root == run:
+        if parent[run] == run:
             component[run] = count
             count += 1
-        else:
-            component[run] = component[root]
+        else:  # a parent comes before its children
+            component[run] = component[parent[run]]
     return component, count
 
 
 @njit(cache=True, nogil=True)
-def _borders(component, count, start, first_run, width, row_px, height):  # type: ignore[no-untyped-def]
-    """Return the pixels of each component and its borders: (first, neighbour, length), three lists by component.
+def _borders(component, count, start, stop, first_run, unlike, overlap, row_px, height):  # type: ignore[no-untyped-def]
+    """Return the pixels of each component, and the pairs of components that touch, (m, 2), with the lengths of their
+    borders (m,).
 
-    A border shows up once per stretch; a neighbour may be listed more than once.
+    A pair may be listed more than once, with a part of its border each time.
     """
-    n = len(start)
-    size, degree = np.zeros(count, np.int32), np.zeros(count + 1, np.int32)
-    pairs = np.empty((3 * n + 1, 3), np.int32)
+    size, last = np.zeros(count, np.int32), np.zeros(_HASH_SLOTS, np.int32)
+    most = len(unlike) + len(start) + 1
+    pairs, length = np.empty((most, 2), np.int32), np.empty(most, np.int32)
     pairs[0] = -1
-    last = np.zeros(_HASH_SLOTS, np.int32)
     m = 0
     for y in range(len(first_run) - 1):
         thick = min(row_px, height - y * row_px)  # rows of the frame that this one stands for
-        up = first_run[y - 1] if y > 0 else 0
-        up_end = first_run[y]
         for run in range(first_run[y], first_run[y + 1]):
-            x0 = start[run]
-            x1 = start[run + 1] if run + 1 < first_run[y + 1] else width
-            c = component[run]
-            size[c] += (x1 - x0) * thick
-            if x0 > 0:
-                m = _add_pair(pairs, m, component[run - 1], c, thick, degree, last)
-            while y > 0:
-                up_x0 = start[up]
-                up_x1 = start[up + 1] if up + 1 < up_end else width
-                if component[up] != c:
-                    m = _add_pair(pairs, m, component[up], c, min(x1, up_x1) - max(x0, up_x0), degree, last)
-                if up_x1 >= x1:
-                    if up_x1 == x1:
-                        up += 1
-                    break
-                up += 1
-    first = np.zeros(count + 1, np.int32)
-    for c in range(count):
-        first[c + 1] = first[c] + degree[c]
-    fill = first[:-1].copy()
-    neighbour, length = np.empty(2 * m, np.int32), np.empty(2 * m, np.int32)
-    for i in range(m):
-        a, b, overlap = pairs[i]
-        neighbour[fill[a]], length[fill[a]] = b, overlap
-        fill[a] += 1
-        neighbour[fill[b]], length[fill[b]] = a, overlap
-        fill[b] += 1
-    return size, first, neighbour, length
+            size[component[run]] += (stop[run] - start[run]) * thick
+            if run > first_run[y]:
+                m = _add_pair(pairs, length, m, component[run - 1], component[run], thick, last)
+    for i in range(len(unlike)):
+        m = _add_pair(pairs, length, m, component[unlike[i, 0]], component[unlike[i, 1]], overlap[i], last)
+    return size, pairs[:m], length[:m]
 
 
 @njit(cache=True, nogil=True)
-def _add_pair(pairs, m, a, b, overlap, degree, last):  # type: ignore[no-untyped-def]
+def _add_pair(pairs, length, m, a, b, overlap, last):  # type: ignore[no-untyped-def]
     """Append a border or lengthen the one of the same pair that was seen last at its place in a small hash table."""
-    slot = (a * 31 + b) & (len(last) - 1)
+    a, b = min(a, b), max(a, b)
+    slot = (a * 31 + b) & (_HASH_SLOTS - 1)
     at = last[slot]
     if pairs[at, 0] == a and pairs[at, 1] == b:
-        pairs[at, 2] += overlap
+        length[at] += overlap
         return m
-    pairs[m, 0], pairs[m, 1], pairs[m, 2] = a, b, overlap
+    pairs[m, 0], pairs[m, 1], length[m] = a, b, overlap
     last[slot] = m
-    degree[a] += 1
-    degree[b] += 1
     return m + 1
+
+
+@njit(cache=True, nogil=True)
+def _by_component(pairs, pair_length, count):  # type: ignore[no-untyped-def]
+    """Return the borders as three lists by component: (first, neighbour, length)."""
+    first = np.zeros(count + 1, np.int32)
+    for i in range(len(pairs)):
+        first[pairs[i, 0] + 1] += 1
+        first[pairs[i, 1] + 1] += 1
+    for c in range(count):
+        first[c + 1] += first[c]
+    fill = first[:-1].copy()
+    neighbour, length = np.empty(2 * len(pairs), np.int32), np.empty(2 * len(pairs), np.int32)
+    for i in range(len(pairs)):
+        for side in range(2):
+            a = pairs[i, side]
+            neighbour[fill[a]], length[fill[a]] = pairs[i, 1 - side], pair_length[i]
+            fill[a] += 1
+    return first, neighbour, length
 
 
 @njit(cache=True, nogil=True)
@@ -192,10 +208,11 @@ def connect(index, min_pixels, gap_px, row_px, height):  # type: ignore[no-untyp
     in pairs of 4-neighbouring pixels of the frame.
     """
     rows, width = index.shape
-    start, first_run = _runs(index, gap_px)
-    component, pieces = _components(index, start, first_run)
-    size, first, neighbour, length = _borders(component, pieces, start, first_run, width, row_px, height)
-    target = _join_small(size, first, neighbour, length, min_pixels)
+    start, stop, labels, first_run = _runs(index, gap_px)
+    same, unlike, overlap = _overlaps(start, stop, labels, first_run)
+    component, pieces = _components(same, len(start))
+    size, pairs, length = _borders(component, pieces, start, stop, first_run, unlike, overlap, row_px, height)
+    target = _join_small(size, *_by_component(pairs, length, pieces), min_pixels)
     ids = np.full(pieces, -1, np.int32)
     count = 0
     for piece in range(pieces):
@@ -203,22 +220,23 @@ def connect(index, min_pixels, gap_px, row_px, height):  # type: ignore[no-untyp
             ids[target[piece]] = count
             count += 1
         ids[piece] = ids[target[piece]]
-    connected = np.empty((rows, width), np.int32)
+    connected = _paint(start, stop, first_run, ids[component], rows, width)
+    edges, edge_length = regroup_edges(pairs, length, ids, count)
+    return connected, edges, edge_length
+
+
+@njit(cache=True, nogil=True)
+def _paint(start, stop, first_run, label, rows, width):  # type: ignore[no-untyped-def]
+    """Return the image (rows, width) of runs, eight pixels at a time: the next run paints over what is too much."""
+    flat = np.empty(rows * width + _AT_ONCE, np.int32)
     for y in range(rows):
         for run in range(first_run[y], first_run[y + 1]):
-            x1 = start[run + 1] if run + 1 < first_run[y + 1] else width
-            label = ids[component[run]]
-            for x in range(start[run], x1):
-                connected[y, x] = label
-    pairs, overlap = np.empty((len(neighbour) // 2, 2), np.int32), np.empty(len(neighbour) // 2, np.int32)
-    m = 0
-    for piece in range(pieces):
-        for i in range(first[piece], first[piece + 1]):
-            if piece < neighbour[i] and ids[piece] != ids[neighbour[i]]:  # each border is in the lists of both
-                pairs[m, 0], pairs[m, 1], overlap[m] = piece, neighbour[i], length[i]
-                m += 1
-    edges, edge_length = regroup_edges(pairs[:m], overlap[:m], ids, count)
-    return connected, edges, edge_length
+            x, end = y * width + start[run], y * width + stop[run]
+            while x < end:
+                for k in range(_AT_ONCE):
+                    flat[x + k] = label[run]
+                x += _AT_ONCE
+    return flat[: rows * width].reshape((rows, width))
 
 
 @njit(cache=True, nogil=True)
@@ -267,25 +285,30 @@ def _insert(ascending, k, value):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def expand(index, ids, count, row_px, height):  # type: ignore[no-untyped-def]
-    """Return the label image at its full `height`, labels replaced by ids, and the pixels, sum x, sum y of each id."""
+def expand(index, ids, row_px, height):  # type: ignore[no-untyped-def]
+    """Return the label image at its full `height`, labels replaced by ids."""
     rows, width = index.shape
     full = np.empty((height, width), np.int32)
-    moments = np.zeros((count, 3))
     for row in range(rows):
-        y0, y1 = row * row_px, min(height, (row + 1) * row_px)
-        x0 = 0
-        while x0 < width:
-            x1 = x0 + 1
-            while x1 < width and index[row, x1] == index[row, x0]:
-                x1 += 1
-            k = ids[index[row, x0]]
-            moments[k, 0] += (x1 - x0) * (y1 - y0)
-            moments[k, 1] += (x1 - x0) * (y1 - y0) * (x0 + x1 - 1) * 0.5
-            moments[k, 2] += (x1 - x0) * (y1 - y0) * (y0 + y1 - 1) * 0.5
-            x0 = x1
+        y = row * row_px
         for x in range(width):
-            full[y0, x] = ids[index[row, x]]
-        for y in range(y0 + 1, y1):
-            full[y] = full[y0]
-    return full, moments
+            full[y, x] = ids[index[row, x]]
+        for below in range(y + 1, min(height, y + row_px)):
+            full[below] = full[y]
+    return full
+
+
+@njit(cache=True, nogil=True)
+def moments_of_frame(sums, index, ids, row_px, height):  # type: ignore[no-untyped-def]
+    """Return the pixels, sum x and sum y of each id at the full `height` (K, 3), given the sums of the thinned rows."""
+    moments = np.empty((len(sums), 3))
+    for k in range(len(sums)):
+        n, x, y = sums[k, 0], sums[k, 1], sums[k, 2]
+        moments[k, 0], moments[k, 1], moments[k, 2] = row_px * n, row_px * x, row_px * (y + n * (row_px - 1) * 0.5)
+    for y in range(height, len(index) * row_px):  # rows beyond the frame that the last one does not stand for
+        for x in range(index.shape[1]):
+            k = ids[index[len(index) - 1, x]]
+            moments[k, 0] -= 1
+            moments[k, 1] -= x
+            moments[k, 2] -= y
+    return moments

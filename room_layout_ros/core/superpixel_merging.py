@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .superpixel_sums import plane_sse, plane_variance
+from .superpixel_sums import plane_sse, plane_sse_of_both, plane_variance
+
+_BLOCK = 64
+"""Costs of which the least is sought at a time."""
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def merge_superpixels(sums, edges, wanted, color, depth, noise, noise_quantum, power):  # type: ignore[no-untyped-def]
     """Return the new id (K,) int32 of each superpixel, ascending in the lowest of its members, and their sums.
 
@@ -19,17 +22,16 @@ def merge_superpixels(sums, edges, wanted, color, depth, noise, noise_quantum, p
     count, n_edges = len(sums), len(edges)
     sums, ends = sums.copy(), edges.copy()
     parent = np.arange(count)
-    scratch = np.empty(sums.shape[1])
     sse = np.empty(count)
     for k in range(count):
         sse[k] = plane_sse(sums[k])
     head, tail, following = _edges_of_nodes(ends, count)
     cost = np.empty(n_edges)
     for e in range(n_edges):
-        cost[e] = _pair_cost(sums, sse, ends[e, 0], ends[e, 1], scratch, color, depth, noise, noise_quantum, power)
+        cost[e] = _pair_cost(sums, sse, ends[e, 0], ends[e, 1], color, depth, noise, noise_quantum, power)
     left = count
     while left > wanted and n_edges > 0:
-        best = np.argmin(cost)
+        best = _first_least(cost.view(np.int64))
         if cost[best] == np.inf:
             break
         keep, gone = min(ends[best]), max(ends[best])
@@ -47,7 +49,7 @@ def merge_superpixels(sums, edges, wanted, color, depth, noise, noise_quantum, p
                 if i == j:
                     cost[e] = np.inf
                 else:
-                    cost[e] = _pair_cost(sums, sse, i, j, scratch, color, depth, noise, noise_quantum, power)
+                    cost[e] = _pair_cost(sums, sse, i, j, color, depth, noise, noise_quantum, power)
             place = following[place]
     ids = np.empty(count, np.int32)
     n = 0
@@ -65,7 +67,7 @@ def merge_superpixels(sums, edges, wanted, color, depth, noise, noise_quantum, p
     return ids, merged
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _edges_of_nodes(ends, count):  # type: ignore[no-untyped-def]
     """Linked lists of the edges of each node: first and last place per node, next place; place 2 e + side, -1 ends.
 
@@ -80,21 +82,34 @@ def _edges_of_nodes(ends, count):  # type: ignore[no-untyped-def]
     return head, tail, following
 
 
-@njit(cache=True, nogil=True)
-def _pair_cost(sums, sse, a, b, scratch, color, depth, noise, noise_quantum, power):  # type: ignore[no-untyped-def]
-    s, t = sums[a], sums[b]
-    n, m = s[0], t[0]
+@njit(cache=True, nogil=True, error_model="numpy")
+def _first_least(bits):  # type: ignore[no-untyped-def]
+    """Place of the first of the least costs, none below 0, by their bits: whole numbers run in vector registers."""
+    least, block = bits[0], 0
+    for start in range(0, len(bits), _BLOCK):
+        low = bits[start]
+        for e in range(start, min(start + _BLOCK, len(bits))):
+            low = min(low, bits[e])
+        if low < least:
+            least, block = low, start
+    while bits[block] != least:
+        block += 1
+    return block
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _pair_cost(sums, sse, a, b, color, depth, noise, noise_quantum, power):  # type: ignore[no-untyped-def]
+    n, m = sums[a, 0], sums[b, 0]
     weight = (n * m / (n + m)) ** power
     difference = 0.0
     for c in range(3, 6):
-        difference += (s[c] / n - t[c] / m) ** 2
+        difference += (sums[a, c] / n - sums[b, c] / m) ** 2
     cost = weight * color * difference
-    if depth > 0 and s[9] > 0 and t[9] > 0:
-        for k in range(len(scratch)):
-            scratch[k] = s[k] + t[k]
-        growth = max(0.0, plane_sse(scratch) - sse[a] - sse[b])
-        w = scratch[15] / scratch[9]
+    in_a, in_b = sums[a, 9], sums[b, 9]
+    if depth > 0 and in_a > 0 and in_b > 0:
+        growth = max(0.0, plane_sse_of_both(sums, a, b) - sse[a] - sse[b])
+        w = (sums[a, 15] + sums[b, 15]) / (in_a + in_b)
         variance = plane_variance(w, noise, noise_quantum)
-        pairs = s[9] * t[9] / (s[9] + t[9])
+        pairs = in_a * in_b / (in_a + in_b)
         cost += weight * depth * min(growth / (variance * pairs), 100.0)
     return cost + 1e-9 * (n + m)

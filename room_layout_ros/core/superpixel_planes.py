@@ -42,7 +42,7 @@ def fit_planes(lab, w, gradient, pieces, ids, sums, row_px, has_depth):  # type:
     for piece in range(len(ids)):
         of_pieces[piece] = fits[ids[piece]]
     step = max(1, _ROW_PX // row_px)
-    by_piece = accumulate(lab, w, gradient, of_pieces, pieces, step, row_px, False)
+    by_piece = accumulate(lab, w, gradient, of_pieces, pieces, step, row_px, False, False)
     again = np.zeros((count, N_SUMS))
     for piece in range(len(ids)):
         again[ids[piece]] += by_piece[piece]

@@ -20,52 +20,73 @@ _NEUTRAL = 1.0
 _RIDGE_PX2 = 0.05
 """Added to the variance of the pixels' positions: slopes that a line of pixels cannot tell become 0."""
 
+_CHANNEL_BITS = 21
+_CHANNEL = 2**_CHANNEL_BITS - 1
+"""Of a sum of 8-bit channels of which three are packed in an int64: room for runs of 8224 pixels."""
 
-@njit(cache=True, nogil=True)
-def accumulate(lab, w, gradient, centers, index, step, row_px, by_gradient):  # type: ignore[no-untyped-def]
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def accumulate(lab, w, gradient, centers, index, step, row_px, by_gradient, by_color=True):  # type: ignore[no-untyped-def]
     """Return the sums (K, N_SUMS) of the pixels of every `step`-th row from `first_row(step, rows)` on.
 
-    Row i of the images is at y = row_px i of the frame. A run of one label is summed in registers, x from its start,
-    and added to its centre once (half the time of adding each pixel).
+    Row i of the images is at y = row_px i of the frame. Without `by_color` the sums of Lab mean nothing.
+    A run of one label is summed in registers, x from its start, and added to its centre once (half the time of adding
+    each pixel).
     A pixel whose residual is capped at its centre (KW r^2 > CAP) is no part of the centre's plane: that makes the
     fit the exact minimiser of the capped energy for fixed inliers. KW = 0 takes all.
     """
     rows, width = index.shape
     sums = np.zeros((len(centers), N_SUMS))
     limit = _inlier_limits(centers)
+    packed = np.zeros(width, np.int64)
     zero, one = np.float32(0), np.float32(1)
     for row in range(first_row(step, rows), rows, step):
         y = row * row_px
+        if by_color:
+            _pack_row(lab, row, packed)
         x = 0
         while x < width:
             k, first = index[row, x], x
-            slope = centers[k, PA]
-            w0 = np.float32(centers[k, PC] + slope * (x - centers[k, X]) + centers[k, PB] * (y - centers[k, Y]))
-            sl, sa, sb = np.int32(0), np.int32(0), np.int32(0)
+            colors = np.int64(0)
             seen, m, mx, mxx, mw, mxw, mww, j = zero, zero, zero, zero, zero, zero, zero, zero
-            while x < width and index[row, x] == k:
-                sl += np.int32(lab[0, row, x])
-                sa += np.int32(lab[1, row, x])
-                sb += np.int32(lab[2, row, x])
-                value = w[row, x]
-                measured = one if value > zero else zero
-                inlier = measured if abs(value - w0 - slope * j) <= limit[k] else zero
-                seen += measured
-                m += inlier
-                mx += inlier * j
-                mxx += inlier * j * j
-                mw += inlier * value
-                mxw += inlier * value * j
-                mww += inlier * value * value
-                j += one
-                x += 1
+            if limit[k] == np.inf:  # all that is measured; what is not is 0
+                while x < width and index[row, x] == k:
+                    colors += packed[x]
+                    value = w[row, x]
+                    inlier = one if value > zero else zero
+                    m += inlier
+                    mx += inlier * j
+                    mxx += inlier * j * j
+                    mw += value
+                    mxw += value * j
+                    mww += value * value
+                    j += one
+                    x += 1
+                seen = m
+            else:
+                slope = centers[k, PA]
+                w0 = np.float32(centers[k, PC] + slope * (x - centers[k, X]) + centers[k, PB] * (y - centers[k, Y]))
+                while x < width and index[row, x] == k:
+                    colors += packed[x]
+                    value = w[row, x]
+                    measured = one if value > zero else zero
+                    inlier = measured if abs(value - w0 - slope * j) <= limit[k] else zero
+                    seen += measured
+                    m += inlier
+                    mx += inlier * j
+                    mxx += inlier * j * j
+                    mw += inlier * value
+                    mxw += inlier * value * j
+                    mww += inlier * value * value
+                    j += one
+                    x += 1
             n, s = x - first, sums[k]
             s[0] += n
             s[1] += n * (first + x - 1) * 0.5
             s[2] += n * y
-            s[3] += sl * L_SCALE
-            s[4] += sa - n * AB_OFFSET
-            s[5] += sb - n * AB_OFFSET
+            s[3] += np.int32(colors & _CHANNEL) * L_SCALE
+            s[4] += np.int32(colors >> _CHANNEL_BITS & _CHANNEL) - n * AB_OFFSET
+            s[5] += np.int32(colors >> 2 * _CHANNEL_BITS) - n * AB_OFFSET
             s[6] += seen
             s[9] += m
             s[10] += mx + m * first
@@ -85,6 +106,14 @@ def accumulate(lab, w, gradient, centers, index, step, row_px, by_gradient):  # 
 
 
 @njit(cache=True, nogil=True)
+def _pack_row(lab, row, packed):  # type: ignore[no-untyped-def]
+    """Write L, a and b of a row's pixels into one number each, so that one addition sums the three."""
+    for x in range(len(packed)):
+        a, b = np.int64(lab[1, row, x]), np.int64(lab[2, row, x])
+        packed[x] = np.int64(lab[0, row, x]) | a << _CHANNEL_BITS | b << 2 * _CHANNEL_BITS
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _inlier_limits(centers):  # type: ignore[no-untyped-def]
     """Return the largest residual of each centre that is not capped."""
     limit = np.empty(len(centers), np.float32)
@@ -94,7 +123,7 @@ def _inlier_limits(centers):  # type: ignore[no-untyped-def]
     return limit
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def move_centers(sums, centers, noise, noise_quantum, weight, cap):  # type: ignore[no-untyped-def]
     """Set each centre to the means and the least-squares plane of its pixels; a centre without pixels stays."""
     for k in range(len(centers)):
@@ -114,13 +143,13 @@ def move_centers(sums, centers, noise, noise_quantum, weight, cap):  # type: ign
             c[KW], c[CAP] = _NO_PLANE, weight * _NEUTRAL
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def plane_variance(w, noise, noise_quantum):  # type: ignore[no-untyped-def]
     """Return the variance of inverse depth: constant for structured light, (quantum w^2)^2 for depth rounded in Z."""
     return noise * noise + (noise_quantum * w * w) ** 2
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def plane_of_sums(s, x0, y0):  # type: ignore[no-untyped-def]
     """Return (a, b, w0) of the least-squares plane w = a (x - x0) + b (y - y0) + w0 of the sums; 0 without pixels."""
     m = s[9]
@@ -134,14 +163,29 @@ def plane_of_sums(s, x0, y0):  # type: ignore[no-untyped-def]
     return a, b, mw + a * (x0 - mx) + b * (y0 - my)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def plane_sse(s):  # type: ignore[no-untyped-def]
     """Return the sum of squared residuals of the least-squares plane of the sums."""
-    m = s[9]
+    return _sse(s[9], s[10], s[11], s[12], s[13], s[14], s[15], s[16], s[17], s[18])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def plane_sse_of_both(sums, a, b):  # type: ignore[no-untyped-def]
+    """`plane_sse` of the sums of two superpixels added."""
+    s, t = sums[a], sums[b]
+    return _sse(
+        s[9] + t[9], s[10] + t[10], s[11] + t[11], s[12] + t[12], s[13] + t[13],
+        s[14] + t[14], s[15] + t[15], s[16] + t[16], s[17] + t[17], s[18] + t[18],
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _sse(m, x, y, xx, xy, yy, w, xw, yw, ww):  # type: ignore[no-untyped-def]
+    """Sum of squared residuals; of all sums of m pixels, those of 1 and of the products of x, y and w."""
     if m < 1:
         return 0.0
-    mx, my, mw = s[10] / m, s[11] / m, s[15] / m
-    xx, xy, yy = s[12] / m - mx * mx + _RIDGE_PX2, s[13] / m - mx * my, s[14] / m - my * my + _RIDGE_PX2
-    xw, yw = s[16] / m - mx * mw, s[17] / m - my * mw
+    mx, my, mw = x / m, y / m, w / m
+    xx, xy, yy = xx / m - mx * mx + _RIDGE_PX2, xy / m - mx * my, yy / m - my * my + _RIDGE_PX2
+    xw, yw = xw / m - mx * mw, yw / m - my * mw
     explained = (yy * xw * xw - 2.0 * xy * xw * yw + xx * yw * yw) / (xx * yy - xy * xy)
-    return max(0.0, m * (s[18] / m - mw * mw - explained))
+    return max(0.0, m * (ww / m - mw * mw - explained))

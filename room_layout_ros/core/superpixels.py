@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .color import compute_lab
 from .config import EstimatorConfig
 from .superpixel_assignment import N_CENTER, X, Y, assign, candidates_of_tiles
-from .superpixel_connectivity import connect, expand, regroup_edges
+from .superpixel_connectivity import connect, expand, moments_of_frame, regroup_edges
 from .superpixel_merging import merge_superpixels
 from .superpixel_planes import fit_planes, inverse_depth_gradient
 from .superpixel_sums import accumulate, move_centers
@@ -117,13 +117,13 @@ def compute_superpixels(
     min_pixels = max(1, int(_MIN_SHARE * spacing**2))
     pieces, edges, edge_length = connect(index, min_pixels, _GAP_PX, images.row_px, height)
     nobody = np.zeros((int(pieces.max()) + 1, N_CENTER), np.float32)
-    sums = accumulate(*images.planes, nobody, pieces, 1, images.row_px, images.has[2])
+    sums = accumulate(*images.planes, nobody, pieces, 1, images.row_px, images.has[2], True)
     ids, sums = merge_superpixels(sums, edges, config.superpixel_count, *_merge_weights(config))
-    full, moments = expand(pieces, ids, len(sums), images.row_px, height)
+    moments = moments_of_frame(sums, pieces, ids, images.row_px, height)
     edges, edge_length = regroup_edges(edges, edge_length, ids, len(sums))
     plane, plane_rms = fit_planes(*images.planes, pieces, ids, sums, images.row_px, images.has[1])
     return Superpixels(
-        index=full,
+        index=expand(pieces, ids, images.row_px, height),
         count=len(sums),
         pixels=moments[:, 0].astype(np.int32),
         center_px=(moments[:, 1:] / moments[:, :1]).astype(np.float32),
@@ -219,7 +219,7 @@ def _update(
     images: _Images, centers: NDArray[np.float32], index: NDArray[np.int32], step: int, config: EstimatorConfig
 ) -> None:
     noise = (config.superpixel_noise_inverse_depth, config.superpixel_noise_depth_m)
-    sums = accumulate(*images.planes, centers, index, step, images.row_px, images.has[2])
+    sums = accumulate(*images.planes, centers, index, step, images.row_px, images.has[2], True)
     move_centers(sums, centers, *noise, config.superpixel_lambda_depth, config.superpixel_depth_cap)
 
 
