@@ -83,6 +83,8 @@ def _find_holes(inverse, labels):  # type: ignore[no-untyped-def]
     filled = inverse.copy()
     first_row, last_row, first_col, last_col = height, -1, width, -1
     for v in range(height):
+        if _is_measured(inverse[v]):
+            continue
         u = 0
         while u < width:
             if inverse[v, u] > 0.0:
@@ -102,6 +104,15 @@ def _find_holes(inverse, labels):  # type: ignore[no-untyped-def]
         max(first_col - _RIM_PX, 0), min(last_col + _RIM_PX, width),
     )  # fmt: skip
     return kind, filled, part
+
+
+@njit(cache=True, nogil=True)
+def _is_measured(row):  # type: ignore[no-untyped-def]
+    """Whether all of a row has depth; by itself, so that it runs on vectors."""
+    holes = 0
+    for u in range(len(row)):
+        holes += row[u] <= 0.0
+    return holes == 0
 
 
 @njit(cache=True, nogil=True)

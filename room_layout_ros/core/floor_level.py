@@ -84,29 +84,36 @@ def _layers(inverse, labels, color, intrinsics, plane):  # type: ignore[no-untyp
     """Sums over the pixels on the plane, over those of each layer of the lowest part; and how many of the last rows."""
     fx, fy, cx, cy = intrinsics
     height, width = inverse.shape
-    on_plane, layers, last = np.zeros(5), np.zeros((_LAYERS, 5)), np.zeros(_LAYERS)
+    on_plane, layers, last = np.zeros(5, np.int64), np.zeros((_LAYERS, 5), np.int64), np.zeros(_LAYERS)
     d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
     lowest = height - height // _LOWEST_PART
+    rays, high = (np.arange(0.0, width, _STRIDE) - cx) / fx, np.empty((width + _STRIDE - 1) // _STRIDE)
     for v in range(0, height, _STRIDE):
-        for u in range(0, width, _STRIDE):
-            if inverse[v, u] <= 0.0:
-                continue
-            z = 1.0 / inverse[v, u]
-            h = height_over(plane, d, (u - cx) / fx, (v - cy) / fy, z)
+        _row_heights(inverse[v, ::_STRIDE], rays, (v - cy) / fy, plane, d, high)
+        for k in range(len(high)):
+            h, u = high[k], k * _STRIDE
             if abs(h) < _ON_PLANE_M:
                 _add(on_plane, labels[v, u], color[v, u])
-            if v >= lowest:
-                k = min(max(int(np.floor((h + _FARTHEST_M) / _LAYER_M)), 0), _LAYERS - 1)
-                _add(layers[k], labels[v, u], color[v, u])
-                last[k] += v >= height - height // _LAST_PART
-    return on_plane, layers, last
+            if v >= lowest and inverse[v, u] > 0.0:
+                layer = min(max(int(np.floor((h + _FARTHEST_M) / _LAYER_M)), 0), _LAYERS - 1)
+                _add(layers[layer], labels[v, u], color[v, u])
+                last[layer] += v >= height - height // _LAST_PART
+    return on_plane.astype(np.float64), layers.astype(np.float64), last
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _row_heights(inverse, rx, ry, plane, d, high):  # type: ignore[no-untyped-def]
+    """Write the heights of a row of pixels over the plane, +-inf without depth; so that it runs on vectors."""
+    a, b, c = plane[0], plane[1] * ry, plane[2]
+    for k in range(len(rx)):
+        high[k] = d * (1.0 - (a * rx[k] + b + c) * (1.0 / np.float64(inverse[k])))
 
 
 @njit(cache=True, nogil=True)
 def _add(sums, label, color):  # type: ignore[no-untyped-def]
-    red, green, blue = float(color[0]), float(color[1]), float(color[2])
-    sums[_COUNT] += 1.0
-    sums[_FLOOR] += 1.0 if label == FLOOR else 0.0
+    red, green, blue = np.int64(color[0]), np.int64(color[1]), np.int64(color[2])
+    sums[_COUNT] += 1
+    sums[_FLOOR] += 1 if label == FLOOR else 0
     sums[_RED] += red
     sums[_GREEN] += green
     sums[_SUM] += red + green + blue

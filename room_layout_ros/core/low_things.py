@@ -73,38 +73,58 @@ def find_low_things(
     return np.asarray(thing), np.asarray(doubt)
 
 
-def _oddness(colors: NDArray[np.float32]) -> NDArray[np.float32]:
+@njit(cache=True, nogil=True, error_model="numpy")
+def _oddness(colors):  # type: ignore[no-untyped-def]
     """(rows, cols) float32 how many deviations a cell's colour is from the floor's median, 0 where it has none."""
-    some = np.isfinite(colors[..., 0])
-    if some.sum() < _MIN_CELLS:
-        return np.zeros(some.shape, np.float32)
-    seen = colors[some]
-    part = seen[:: max(len(seen) // _SAMPLE, 1)]
-    middle = np.median(part, axis=0)
-    spread = np.maximum(MAD_TO_SIGMA * np.median(np.abs(part - middle), axis=0), _LEAST_DEVIATION)
-    odd = np.zeros(some.shape, np.float32)
-    odd[some] = (np.abs(seen - middle) / spread).max(axis=1)
+    rows, cols, _ = colors.shape
+    odd = np.zeros((rows, cols), np.float32)
+    seen, count = np.empty((2, rows * cols), np.float32), 0
+    for i in range(rows):
+        for j in range(cols):
+            if np.isfinite(colors[i, j, 0]):
+                seen[0, count], seen[1, count] = colors[i, j, 0], colors[i, j, 1]
+                count += 1
+    if count < _MIN_CELLS:
+        return odd
+    for axis in range(2):
+        part = seen[axis, : count : max(count // _SAMPLE, 1)].copy()
+        middle = _median(part)
+        spread = max(np.float32(MAD_TO_SIGMA) * _median(np.abs(part - middle)), np.float32(_LEAST_DEVIATION))
+        for i in range(rows):
+            for j in range(cols):
+                if np.isfinite(colors[i, j, 0]):
+                    odd[i, j] = max(odd[i, j], abs(colors[i, j, axis] - middle) / spread)
     return odd
+
+
+@njit(cache=True, nogil=True)
+def _median(values):  # type: ignore[no-untyped-def]
+    """Median of float32 values as float32."""
+    ordered = np.sort(values)
+    n = len(ordered)
+    return (ordered[(n - 1) // 2] + ordered[n // 2]) * np.float32(0.5)
 
 
 @njit(cache=True, nogil=True)
 def _cell_colors(color, kind, cell, shape):  # type: ignore[no-untyped-def]
     """(rows, cols, 2) float32 shares of red and green in each cell's floor, NaN where too few pixels are."""
     rows, cols = shape
-    sums = np.zeros((rows * cols, 4), np.float32)
+    sums = np.zeros((rows * cols, 4), np.int32)
     for v in range(0, kind.shape[0], _STRIDE):
         for u in range(0, kind.shape[1], _STRIDE):
             if kind[v, u] == FLOOR_PIXEL and cell[v, u] >= 0:
-                red, green, blue = color[v, u]
+                red, green, blue = color[v, u, 0], color[v, u, 1], color[v, u, 2]
                 one = sums[cell[v, u]]
                 one[0] += red
                 one[1] += green
-                one[2] += np.float32(red) + np.float32(green) + np.float32(blue)
-                one[3] += 1.0
+                one[2] += np.int32(red) + np.int32(green) + np.int32(blue)
+                one[3] += 1
     colors = np.full((rows, cols, 2), np.nan, np.float32)
     for k in range(rows * cols):
-        if sums[k, 3] >= _MIN_PIXELS and sums[k, 2] > 0.0:
-            colors[k // cols, k % cols] = sums[k, :2] / sums[k, 2]
+        if sums[k, 3] >= _MIN_PIXELS and sums[k, 2] > 0:
+            whole = np.float32(sums[k, 2])
+            colors[k // cols, k % cols, 0] = np.float32(sums[k, 0]) / whole
+            colors[k // cols, k % cols, 1] = np.float32(sums[k, 1]) / whole
     return colors
 
 

@@ -17,6 +17,9 @@ _COVER_M = (0.08, 0.5)
 _CUT_M = -0.3
 """What is cut off by the side of the picture may come this much nearer beyond it."""
 
+_TILE_PX = 8
+"""Side of the tiles of which the nearest pixel is known."""
+
 
 def hide_overhung(
     grid: NDArray[np.int8],
@@ -48,9 +51,75 @@ def _hide(grid, inverse, kind, intrinsics, T, corner, robot_height, margin):  # 
     covered = _covered(grid, inverse, kind, intrinsics, T, corner, robot_height, margin)
     for i in range(rows):
         for j in range(cols):
-            hidden = covered[i, j] or covered[i + 1, j] or covered[i, j + 1] or covered[i + 1, j + 1]
-            if hidden and grid[i, j] == FREE_CELL:
+            if grid[i, j] != FREE_CELL:
+                continue
+            if covered[i, j] or covered[i + 1, j] or covered[i, j + 1] or covered[i + 1, j + 1]:
                 grid[i, j] = UNKNOWN_CELL
+
+
+@njit(cache=True, nogil=True)
+def _free_corners(grid):  # type: ignore[no-untyped-def]
+    """(rows + 1, cols + 1) bool: corners of free cells."""
+    rows, cols = grid.shape
+    free = np.zeros((rows + 1, cols + 1), np.bool_)
+    for i in range(rows):
+        for j in range(cols):
+            if grid[i, j] == FREE_CELL:
+                free[i, j] = free[i + 1, j] = free[i, j + 1] = free[i + 1, j + 1] = True
+    return free
+
+
+@njit(cache=True, nogil=True)
+def _nearest_of_tiles(inverse):  # type: ignore[no-untyped-def]
+    """(columns, rows) float32 largest inverse depth in each tile of the picture."""
+    height, width = inverse.shape
+    nearest = np.zeros(((width + _TILE_PX - 1) // _TILE_PX, (height + _TILE_PX - 1) // _TILE_PX), np.float32)
+    column = np.empty(width, np.float32)
+    for i in range(nearest.shape[1]):
+        column[:] = 0.0
+        for v in range(i * _TILE_PX, min((i + 1) * _TILE_PX, height)):
+            row = inverse[v]
+            for u in range(width):
+                column[u] = row[u] if row[u] > column[u] else column[u]
+        for u in range(width):
+            nearest[u // _TILE_PX, i] = max(nearest[u // _TILE_PX, i], column[u])
+    return nearest
+
+
+@njit(cache=True, nogil=True)
+def _may_hide(nearest, shape, low, high, steps, intrinsics):  # type: ignore[no-untyped-def]
+    """Whether anything in the part of the picture between two points is near enough; most floor has nothing before it.
+
+    `low`, `high` : camera frame, of the lowest and the highest of the `steps` points over a place.
+    """
+    fx, fy, cx, cy = intrinsics
+    height, width = shape
+    if min(low[2], high[2]) < 0.1:
+        return True
+    u0, u1 = low[0] / low[2] * fx + cx, high[0] / high[2] * fx + cx
+    v0, v1 = low[1] / low[2] * fy + cy, high[1] / high[2] * fy + cy
+    left, right, top, bottom = min(u0, u1) - 1.0, max(u0, u1) + 1.0, min(v0, v1) - 1.0, max(v0, v1) + 1.0
+    cut = left < 0.0 or right > width - 1.0
+    farther = np.float32(1.0 / max(max(low[2], high[2]) - (_CUT_M if cut else _COVER_M[0]), 1e-9) - 1e-6)
+    first, last = int(min(max(left, 0.0), width - 1.0)), int(min(max(right, 0.0), width - 1.0))
+    after = int(min(bottom, height - 1.0)) // _TILE_PX + 1
+    # The lowest tile holds nearer floor. Too few looks fall into it to matter, as long as they are evenly apart.
+    even = max(low[2], high[2]) < 1.2 * min(low[2], high[2])
+    if even and not cut and 1.5 * (_TILE_PX + 2) * (steps - 1) < (_MIN_HIDDEN - 1) * abs(v1 - v0):
+        after -= 1
+    for j in range(first // _TILE_PX, last // _TILE_PX + 1):
+        if _some_above(nearest[j, int(max(top, 0.0)) // _TILE_PX : after], farther):
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _some_above(values, bound):  # type: ignore[no-untyped-def]
+    """Whether any value is above a bound; by itself, without a way out, so that it runs on vectors."""
+    count = 0
+    for k in range(len(values)):
+        count += values[k] > bound
+    return count > 0
 
 
 @njit(cache=True, nogil=True)
@@ -61,14 +130,11 @@ def _covered(grid, inverse, kind, intrinsics, T, corner, robot_height, margin): 
     rows, cols = grid.shape
     height, width = inverse.shape
     steps = int(robot_height / _STEP_M)
-    covered = np.zeros((rows + 1, cols + 1), np.bool_)
+    nearest = _nearest_of_tiles(inverse)
+    free, covered = _free_corners(grid), np.zeros((rows + 1, cols + 1), np.bool_)
     for i in range(rows + 1):
         for j in range(cols + 1):
-            near = False
-            for m in range(max(i - 1, 0), min(i + 1, rows)):
-                for n in range(max(j - 1, 0), min(j + 1, cols)):
-                    near = near or grid[m, n] == FREE_CELL
-            if not near:
+            if not free[i, j]:
                 continue
             x, y = x0 + j * size, y0 + i * size
             farther = 1.0 + margin / max(np.sqrt(x * x + y * y), 1e-9)
@@ -80,6 +146,11 @@ def _covered(grid, inverse, kind, intrinsics, T, corner, robot_height, margin): 
                 foot = px / max(pz, 0.1) * fx + cx
                 if covered[i, j] or (place == 1 and 0 <= foot <= width - 1):
                     break
+                low = (px + T[0, 2] * _STEP_M, py + T[1, 2] * _STEP_M, pz + T[2, 2] * _STEP_M)
+                top = steps * _STEP_M
+                high = (px + T[0, 2] * top, py + T[1, 2] * top, pz + T[2, 2] * top)
+                if not _may_hide(nearest, inverse.shape, low, high, steps, intrinsics):
+                    continue
                 hidden = 0
                 for k in range(1, steps + 1):
                     h = k * _STEP_M

@@ -119,16 +119,28 @@ def _mixtures() -> NDArray[np.uint8]:
 @njit(cache=True, nogil=True)
 def _blend(ground, labels, mixtures, picture):  # type: ignore[no-untyped-def]
     height, width = labels.shape
+    kinds = np.empty(width, np.uint8)
     for y in range(height):
-        below = min(y + 1, height - 1)
-        for x in range(width):
-            label = labels[y, x]
-            clutter = label == CLUTTER
-            right = labels[y, min(x + 1, width - 1)] == CLUTTER
-            kind = label
-            if clutter and (x + y) % 8 < 2:
-                kind = _HATCH
-            if right != clutter or (labels[below, x] == CLUTTER) != clutter:
-                kind += _RIM
-            for c in range(3):
-                picture[y, x, c] = mixtures[kind, c, ground[y, x, c]]
+        below = labels[min(y + 1, height - 1)]
+        _row_kinds(labels[y, :-1], labels[y, 1:], below, y, kinds)
+        _row_kinds(labels[y, -1:], labels[y, -1:], below[-1:], y + width - 1, kinds[-1:])
+        _mix(ground[y], kinds, mixtures, picture[y])
+
+
+@njit(cache=True, nogil=True)
+def _row_kinds(labels, right, below, diagonal, kinds):  # type: ignore[no-untyped-def]
+    """Write which mixture the pixels of a row have; `diagonal` is the sum of the coordinates of the first."""
+    for x in range(len(labels)):
+        clutter = labels[x] == CLUTTER
+        hatched = clutter & (((x + diagonal) & 7) < 2)
+        rim = (clutter != (right[x] == CLUTTER)) | (clutter != (below[x] == CLUTTER))
+        kinds[x] = (np.uint8(_HATCH) if hatched else labels[x]) + (np.uint8(_RIM) if rim else np.uint8(0))
+
+
+@njit(cache=True, nogil=True)
+def _mix(ground, kinds, mixtures, picture):  # type: ignore[no-untyped-def]
+    for x in range(len(kinds)):
+        kind = kinds[x]
+        picture[x, 0] = mixtures[kind, 0, ground[x, 0]]
+        picture[x, 1] = mixtures[kind, 1, ground[x, 1]]
+        picture[x, 2] = mixtures[kind, 2, ground[x, 2]]

@@ -55,16 +55,24 @@ def cast_scan(
     return RangeScan(angle_min, increment, ranges)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _bearing(x, y):  # type: ignore[no-untyped-def]
     """arctan2(y, x) for x > 0, to 1e-5 rad (Abramowitz and Stegun, 4.4.49): a five-hundredth of a beam."""
     steep = abs(y) > x
-    t = x / y if steep else y / x
+    t = (x if steep else y) / (y if steep else x)
     q = t * t
     angle = t * (0.9998660 + q * (-0.3302995 + q * (0.1801410 + q * (-0.0851330 + q * 0.0208351))))
-    if steep:
-        return (0.5 * np.pi if y > 0 else -0.5 * np.pi) - angle
-    return angle
+    turned = (0.5 * np.pi if y > 0 else -0.5 * np.pi) - angle
+    return turned if steep else angle
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _row_beams(column, ahead, ahead_per_px, across, across_per_px, first, per_beam, beams):  # type: ignore[no-untyped-def]
+    """Write the beam of each pixel of a row, below 0 where it is not ahead; by itself, so that it runs on vectors."""
+    for k in range(len(column)):
+        ax, ay = ahead + ahead_per_px * column[k], across + across_per_px * column[k]
+        beam = np.int32(np.floor((_bearing(ax, ay) - first) * per_beam))
+        beams[k] = beam if ax > 0.0 else np.int32(-1)  # the beams lie within a half circle
 
 
 @njit(cache=True, nogil=True)
@@ -76,22 +84,23 @@ def _cast(inverse, intrinsics, T, kind, cell, grid, fan, corner):  # type: ignor
     nearest = np.full((beams, _MIN_HITS), np.inf)
     known = np.zeros(beams, np.bool_)
     height, width = inverse.shape
+    column = np.arange(0.0, width, _STRIDE)
+    beam_of = np.empty(len(column), np.int32)
     # from below, where the nearest are: all others are passed over
     for v in range((height - 1) // _STRIDE * _STRIDE, -1, -_STRIDE):
         ry = (v - cy) / fy
         ax0, ay0 = T[1, 0] * ry + T[2, 0] - T[0, 0] * cx / fx, T[1, 1] * ry + T[2, 1] - T[0, 1] * cx / fx
+        _row_beams(column, ax0, T[0, 0] / fx, ay0, T[0, 1] / fx, first, per_beam, beam_of)
         for u in range(0, width, _STRIDE):
             what = kind[v, u]
             if what != OBSTACLE_PIXEL and what != WALL_PIXEL:
                 continue
             if what == OBSTACLE_PIXEL and (cell[v, u] < 0 or grid[cell[v, u]] != 100):
                 continue
-            ax, ay = ax0 + T[0, 0] / fx * u, ay0 + T[0, 1] / fx * u
-            if ax <= 0.0:  # the beams lie within a half circle
-                continue
-            beam = int(np.floor((_bearing(ax, ay) - first) * per_beam))
+            beam = beam_of[u // _STRIDE]
             if beam < 0 or beam >= beams:
                 continue
+            ax, ay = ax0 + T[0, 0] / fx * u, ay0 + T[0, 1] / fx * u
             most = nearest[beam, _MIN_HITS - 1] * inverse[v, u]
             if ax * ax + ay * ay >= most * most:
                 continue

@@ -7,6 +7,8 @@ and before the first gap in the depth beyond which floor goes on: a pit that swa
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -32,12 +34,36 @@ def in_line_of_sight(
     grid : (rows, cols) int8, decided. blind : (rows, cols) bool of `blind_cells`.
     corner : x and y of the lower corner of cell (0, 0), and the side of a cell; m.
     """
-    return np.asarray(_in_line(grid, blind, corner, _BLUR_CELLS * corner[2]))
+    blur = _BLUR_CELLS * corner[2]
+    return np.asarray(_in_line(grid, blind, *_directions(grid.shape, corner, blur), blur))
+
+
+@lru_cache(maxsize=4)
+def _directions(
+    shape: tuple[int, ...], corner: tuple[float, float, float], blur: float
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Of each cell of a grid: distance (rows, cols) of its middle; first, last and middle direction (rows, cols, 3)."""
+    distance, beams = _cell_directions(shape[0], shape[1], corner, blur)
+    return np.asarray(distance), np.asarray(beams)
 
 
 @njit(cache=True, nogil=True)
-def _in_line(grid, blind, corner, blur):  # type: ignore[no-untyped-def]
+def _cell_directions(rows, cols, corner, blur):  # type: ignore[no-untyped-def]
     x0, y0, size = corner
+    distance, beams = np.empty((rows, cols)), np.empty((rows, cols, 3), np.int32)
+    for i in range(rows):
+        for j in range(cols):
+            x, y = x0 + (j + 0.5) * size, y0 + (i + 0.5) * size
+            r, bearing = np.sqrt(x * x + y * y), np.arctan2(y, x)
+            half = np.arcsin(min(blur / r, 1.0))
+            distance[i, j] = r
+            beams[i, j, 0], beams[i, j, 1] = _beam(bearing - half), _beam(bearing + half)
+            beams[i, j, 2] = _beam(bearing)
+    return distance, beams
+
+
+@njit(cache=True, nogil=True)
+def _in_line(grid, blind, distance, beams, blur):  # type: ignore[no-untyped-def]
     rows, cols = grid.shape
     free_from, first = np.full(_BEAMS, np.inf), np.full(_BEAMS, np.inf)
     for look_for_free in (True, False):
@@ -49,10 +75,8 @@ def _in_line(grid, blind, corner, blur):  # type: ignore[no-untyped-def]
                     counts = grid[i, j] == OCCUPIED_CELL or (blind[i, j] and grid[i, j] != FREE_CELL)
                 if not counts:
                     continue
-                x, y = x0 + (j + 0.5) * size, y0 + (i + 0.5) * size
-                r, bearing = np.sqrt(x * x + y * y), np.arctan2(y, x)
-                half = np.arcsin(min(blur / r, 1.0))
-                for k in range(_beam(bearing - half), _beam(bearing + half) + 1):
+                r = distance[i, j]
+                for k in range(beams[i, j, 0], beams[i, j, 1] + 1):
                     if look_for_free:
                         free_from[k] = min(free_from[k], r)
                     elif grid[i, j] == OCCUPIED_CELL or r > free_from[k]:
@@ -61,8 +85,7 @@ def _in_line(grid, blind, corner, blur):  # type: ignore[no-untyped-def]
     for i in range(rows):
         for j in range(cols):
             if grid[i, j] == FREE_CELL:
-                x, y = x0 + (j + 0.5) * size, y0 + (i + 0.5) * size
-                result[i, j] = np.sqrt(x * x + y * y) < first[_beam(np.arctan2(y, x))] - blur
+                result[i, j] = distance[i, j] < first[beams[i, j, 2]] - blur
     return result
 
 

@@ -68,36 +68,59 @@ def _noise(sigma_m, distance):  # type: ignore[no-untyped-def]
     return noise
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _fit_planes(inverse, labels, index, floor, noise, limits):  # type: ignore[no-untyped-def]
     """(pieces, 3) inverse depth a u + b v + c of each one's things, NaN where too few pixels agree."""
     pixels, owner = _above_floor(inverse, labels, index, floor, noise, limits)
     planes = np.full(((index.max() + 1) * (N_LABELS + 1), 3), np.nan)
-    sums = np.empty((len(planes), 10))
-    for turn in range(_ROUNDS + 1):
-        sums[:] = 0.0
-        for n in range(len(pixels)):
-            u, v, w, weight = pixels[n, 0], pixels[n, 1], pixels[n, 2], 1.0
-            one = sums[owner[n]]
-            if turn > 0:
-                p = planes[owner[n]]
-                q = (w - p[0] * u - p[1] * v - p[2]) / (_SIGMAS * pixels[n, 3])
-                if not q * q < 1.0:
-                    continue
-                weight = (1.0 - q * q) ** 2
-            one[0] += weight
-            one[1] += weight * u
-            one[2] += weight * v
-            one[3] += weight * w
-            one[4] += weight * u * u
-            one[5] += weight * u * v
-            one[6] += weight * v * v
-            one[7] += weight * u * w
-            one[8] += weight * v * w
-            one[9] += 1.0
-        for k in range(len(planes)):
-            planes[k] = _solve(sums[k])
+    pixels, start = _by_piece(pixels, owner, len(planes))
+    for k in range(len(planes)):
+        mine = pixels[start[k] : start[k + 1]]
+        if len(mine) >= _MIN_PIXELS:
+            for turn in range(_ROUNDS + 1):
+                planes[k] = _solve(_plane_sums(mine, planes[k], turn > 0))
     return planes
+
+
+@njit(cache=True, nogil=True)
+def _by_piece(pixels, owner, pieces):  # type: ignore[no-untyped-def]
+    """Pixels in the order of their pieces, and where each piece begins (pieces + 1,)."""
+    start = np.zeros(pieces + 1, np.int64)
+    for n in range(len(owner)):
+        start[owner[n] + 1] += 1
+    start = np.cumsum(start)
+    fill, ordered = start[:-1].copy(), np.empty_like(pixels)
+    for n in range(len(owner)):
+        at = fill[owner[n]]
+        for k in range(4):
+            ordered[at, k] = pixels[n, k]
+        fill[owner[n]] = at + 1
+    return ordered, start
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _plane_sums(pixels, plane, weighted):  # type: ignore[no-untyped-def]
+    """Sums over a piece's pixels, with Tukey's weights about a plane: 1, u, v, w, uu, uv, vv, uw, vw; their number."""
+    s0 = su = sv = sw = suu = suv = svv = suw = svw = count = 0.0
+    a, b, c = plane[0], plane[1], plane[2]
+    for n in range(len(pixels)):
+        u, v, w, weight = pixels[n, 0], pixels[n, 1], pixels[n, 2], 1.0
+        if weighted:
+            q = (w - a * u - b * v - c) / (_SIGMAS * pixels[n, 3])
+            if not q * q < 1.0:
+                continue
+            weight = (1.0 - q * q) ** 2
+        s0 += weight
+        su += weight * u
+        sv += weight * v
+        sw += weight * w
+        suu += weight * u * u
+        suv += weight * u * v
+        svv += weight * v * v
+        suw += weight * u * w
+        svw += weight * v * w
+        count += 1.0
+    return s0, su, sv, sw, suu, suv, svv, suw, svw, count
 
 
 @njit(cache=True, nogil=True)
@@ -149,14 +172,50 @@ def _solve(sums):  # type: ignore[no-untyped-def]
 def _move(inverse, labels, index, floor, noise, lowest, planes):  # type: ignore[no-untyped-def]
     """Set the inverse depth of pixels above the floor to that of their superpixel's plane where they lie on it."""
     height, width = inverse.shape
+    column, piece = np.arange(width).astype(np.float32), np.empty(width, np.int32)
+    on_plane, near = np.empty(width, np.float32), np.empty(width, np.float32)
     for v in range(height):
         row = floor[1] * np.float32(v) + floor[2]
-        for u in range(width):
-            w = inverse[v, u]
-            if w - (floor[0] * np.float32(u) + row) <= lowest * w or labels[v, u] == FLOOR:
-                continue
-            p = planes[_piece(index[v, u], labels[v, u])]
-            on_plane = p[0] * np.float32(u) + p[1] * np.float32(v) + p[2]
-            near = np.float32(_SIGMAS) * noise[min(int(w * np.float32(_PER_UNIT)), _STEPS - 1)]
-            if abs(w - on_plane) < near and w > np.float32(0.0):
-                inverse[v, u] = on_plane
+        _row_pieces(index[v], labels[v], piece)
+        _row_noise(inverse[v], noise, near)
+        _row_planes(planes, piece, column, np.float32(v), on_plane)
+        _move_row(inverse[v], on_plane, near, column, floor[0], row, lowest)
+
+
+@njit(cache=True, nogil=True)
+def _row_pieces(index, labels, piece):  # type: ignore[no-untyped-def]
+    """Write the piece of each pixel of a row, -1 where it is floor."""
+    for u in range(len(index)):
+        mine = index[u] * np.int32(N_LABELS + 1) + np.int32(labels[u])
+        piece[u] = mine if labels[u] != FLOOR else np.int32(-1)
+
+
+@njit(cache=True, nogil=True)
+def _row_noise(inverse, noise, near):  # type: ignore[no-untyped-def]
+    """Write how far from a plane the pixels of a row lie on it."""
+    for u in range(len(inverse)):
+        step = min(inverse[u] * np.float32(_PER_UNIT), np.float32(_STEPS - 1))
+        near[u] = np.float32(_SIGMAS) * noise[np.uint32(np.int32(max(step, np.float32(0.0))))]
+
+
+@njit(cache=True, nogil=True)
+def _row_planes(planes, piece, column, v, on_plane):  # type: ignore[no-untyped-def]
+    """Write the inverse depth of the planes of a row's pieces, NaN where there is none."""
+    last, a, b, c = np.int32(-1), np.float32(np.nan), np.float32(np.nan), np.float32(np.nan)
+    for u in range(len(piece)):
+        if piece[u] != last:
+            last = piece[u]
+            if last >= 0:
+                a, b, c = planes[last, 0], planes[last, 1] * v, planes[last, 2]
+            else:
+                a = np.float32(np.nan)
+        on_plane[u] = a * column[u] + b + c
+
+
+@njit(cache=True, nogil=True)
+def _move_row(inverse, on_plane, near, column, floor, row, lowest):  # type: ignore[no-untyped-def]
+    """Set what lies on its plane to it; by itself, all float32, so that it runs on vectors."""
+    for u in range(len(inverse)):
+        w = inverse[u]
+        thing = (w - (floor * column[u] + row) > lowest * w) & (w > np.float32(0.0))
+        inverse[u] = on_plane[u] if thing & (abs(w - on_plane[u]) < near[u]) else w
