@@ -52,7 +52,7 @@ def _changes(row, change):  # type: ignore[no-untyped-def]
     change[0], n = 0, 1
     for x in range(1, len(row)):
         change[n] = x
-        n += np.intp(row[x] != row[x - 1])
+        n += int(row[x] != row[x - 1])
     change[n] = len(row)
     return n
 
@@ -71,15 +71,15 @@ def _overlaps(start, stop, labels, first_run):  # type: ignore[no-untyped-def]
     for y in range(1, len(first_run) - 1):
         up, run, last = first_run[y - 1], first_run[y], first_run[y + 1]
         while run < last:
-            alike = np.intp(labels[up] == labels[run])
+            alike = int(labels[up] == labels[run])
             same[n_same, 0], same[n_same, 1] = up, run
             unlike[n_unlike, 0], unlike[n_unlike, 1] = up, run
             length[n_unlike] = min(stop[up], stop[run]) - max(start[up], start[run])
             n_same += alike
             n_unlike += 1 - alike
-            ends, up_ends = stop[run] <= stop[up], stop[up] <= stop[run]
-            run += np.int32(ends)
-            up += np.int32(up_ends)
+            run_ends, up_ends = stop[run] <= stop[up], stop[up] <= stop[run]
+            run += int(run_ends)
+            up += int(up_ends)
     return same[:n_same], unlike[:n_unlike], length[:n_unlike]
 
 
@@ -212,7 +212,8 @@ def connect(index, min_pixels, gap_px, row_px, height):  # type: ignore[no-untyp
     same, unlike, overlap = _overlaps(start, stop, labels, first_run)
     component, pieces = _components(same, len(start))
     size, pairs, length = _borders(component, pieces, start, stop, first_run, unlike, overlap, row_px, height)
-    target = _join_small(size, *_by_component(pairs, length, pieces), min_pixels)
+    first, neighbour, shared = _by_component(pairs, length, pieces)
+    target = _join_small(size, first, neighbour, shared, min_pixels)
     ids = np.full(pieces, -1, np.int32)
     count = 0
     for piece in range(pieces):

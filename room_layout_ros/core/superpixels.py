@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .color import compute_lab
 from .config import EstimatorConfig
-from .superpixel_assignment import N_CENTER, X, Y, assign, candidates_of_tiles
+from .superpixel_assignment import N_CENTER, X, Y, assign, candidates_of_tiles, first_row
 from .superpixel_connectivity import connect, expand, moments_of_frame, regroup_edges
 from .superpixel_merging import merge_superpixels
 from .superpixel_planes import fit_planes, inverse_depth_gradient
@@ -103,7 +103,7 @@ def compute_superpixels(
     images = _images(color, inverse_depth, config)
     height, width = images.size
     spacing = float(np.sqrt(height * width / (config.superpixel_oversegmentation * config.superpixel_count)))
-    index = np.zeros((-(-height // images.row_px), width), np.int32)
+    index = np.empty((-(-height // images.row_px), width), np.int32)
     coarse = max(1, min(_COARSE_ROWS, int(_COARSE_SHARE * spacing)) // images.row_px)
     grid = max(1, round(height / spacing)), max(1, round(width / spacing))
     if start is None or start.index.shape != images.size or len(start.centers) != grid[0] * grid[1]:
@@ -187,7 +187,8 @@ def _seed(
     down, across = grid
     row = np.arange(len(index), dtype=np.int32) * down // len(index)
     column = np.arange(width, dtype=np.int32) * across // width
-    np.add(row[:, None] * across, column, out=index)
+    seen = slice(first_row(step, len(index)), None, step)
+    np.add(row[seen, None] * across, column, out=index[seen])
     centers = np.zeros((down * across, N_CENTER), np.float32)
     centers[:, X] = (np.tile(np.arange(across), down) + 0.5) * width / across
     centers[:, Y] = (np.repeat(np.arange(down), across) + 0.5) * height / down

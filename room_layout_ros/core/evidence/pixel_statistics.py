@@ -45,6 +45,10 @@ ORIENTATION = 25
 """First of six columns: pixels per id 0..5 of the orientation map."""
 N_SUMS = 31
 
+_HALF, _THIRD, _FIFTH = 32, 21, 12
+"""Bits of a sum of which two, three or five are packed in an int64: room for runs of 8190 pixels, every second one."""
+_IN_HALF, _IN_THIRD, _IN_FIFTH = 2**_HALF - 1, 2**_THIRD - 1, 2**_FIFTH - 1
+
 N_BOUNDS = 10
 """Columns of bounds: x and y of the image box, X, Y, Z of the room box (low, high each)."""
 
@@ -59,11 +63,12 @@ def sum_pixels(
     camera: CameraIntrinsics,
 ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Return (sums (K, 31) float64, bounds (K, 10) float32); what is not given leaves its columns 0, bounds NaN."""
-    lab = np.zeros((1, 1, 3), np.uint8)
+    lab = (np.zeros((1, 1), np.uint8),) * 3
     top = bottom = left = right = 0
     if color is not None:
         half = cv2.resize(color, None, fx=1.0 / STRIDE, fy=1.0 / STRIDE, interpolation=cv2.INTER_AREA)
-        lab = np.asarray(cv2.cvtColor(half, cv2.COLOR_RGB2LAB), np.uint8)
+        lightness, a, b = cv2.split(cv2.cvtColor(half, cv2.COLOR_RGB2LAB))
+        lab = (np.asarray(lightness, np.uint8), np.asarray(a, np.uint8), np.asarray(b, np.uint8))
         top, bottom, left, right = (-(-side // STRIDE) for side in blank_border(color))
     w = np.zeros((1, 1), np.float32) if inverse_depth is None else inverse_depth
     faces = np.zeros((1, 1), np.uint8) if orientation is None else orientation
@@ -74,122 +79,188 @@ def sum_pixels(
     return sums, bounds
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _sum(index, count, lab, has_color, border, inverse, faces, matrix):  # type: ignore[no-untyped-def]
-    """Walk the runs of one superpixel in each row: what is summed stays in registers and is added once per run."""
+    """Walk the runs of one superpixel in each row: what is summed stays in registers and is added once per run.
+
+    What each pixel adds is made for a whole row before, in vector registers, and whole numbers are packed: one
+    addition sums two or three of them.
+    """
     height, width = index.shape
     sums = np.zeros((count, N_SUMS))
     bounds = np.empty((count, N_BOUNDS), np.float32)
     bounds[:, 0::2] = np.inf
     bounds[:, 1::2] = -np.inf
     has_depth, has_faces = inverse.shape[0] > 1, faces.shape[0] > 1
-    rows, cols = lab.shape[0], lab.shape[1]
-    end = width - STRIDE + 1
-    for y in range(0, height - STRIDE + 1, STRIDE):
-        row = y // STRIDE
+    rows, cols = lab[0].shape
+    n = width // STRIDE
+    colors, named = np.zeros((4, max(n, cols)), np.int64), np.zeros(n, np.int64)
+    depth, points = np.zeros((2, n)), np.zeros((3, n), np.float32)
+    starts = np.empty(n + 1, np.int32)
+    for row in range(height // STRIDE):
+        y = row * STRIDE
         colored = has_color and border[0] < row < rows - border[1] - 1
-        x = 0
-        while x < end:
-            i, first = index[y, x], x
-            while x < end and index[y, x] == i:
-                x += STRIDE
-            s, b = sums[i], bounds[i]
-            _add_place(s, b, first, x, y)
+        if colored:
+            _color_row(lab[0], lab[1], lab[2], row, colors)
+        if has_depth:
+            _point_row(inverse[y], y, matrix, depth, points)
+        if has_faces:
+            _name_row(faces[y], named)
+        for run in range(_find_runs(index[y], starts)):
+            first, end = starts[run], starts[run + 1]
+            i = index[y, first * STRIDE]
+            _add_place(sums, bounds, i, first * STRIDE, end * STRIDE, y)
             if colored:
-                low, high = max(first // STRIDE, border[2] + 1), min(x // STRIDE, cols - border[3] - 1)
-                _add_color(s, lab, row, low, high)
+                _add_color(sums, i, colors, max(first, border[2] + 1), min(end, cols - border[3] - 1))
             if has_depth:
-                _add_points(s, b, inverse, y, first, x, matrix)
+                _add_points(sums, bounds, i, depth, points, first, end, y, matrix)
             if has_faces:
-                for k in range(first, x, STRIDE):
-                    s[ORIENTATION + faces[y, k]] += 1.0
+                _add_names(sums, i, named, first, end)
     return sums, bounds
 
 
 @njit(cache=True, nogil=True)
-def _add_place(s, b, first, end, y):  # type: ignore[no-untyped-def]
+def _find_runs(index, starts):  # type: ignore[no-untyped-def]
+    """Write where the runs of a row start, in strides, and its end; return how many there are. No branches."""
+    starts[0], n = 0, 1
+    for k in range(1, len(starts) - 1):
+        starts[n] = k
+        n += int(index[k * STRIDE] != index[(k - 1) * STRIDE])
+    starts[n] = len(starts) - 1
+    return n
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _add_place(s, b, i, first, end, y):  # type: ignore[no-untyped-def]
     n = (end - first) // STRIDE
     last = end - STRIDE
     px = 0.5 * n * (first + last)
-    s[COUNT] += n
-    s[PX] += px
-    s[PY] += n * y
-    s[PXX] += n * float(first) * first + STRIDE * (n * (n - 1.0)) * (first + STRIDE * (2.0 * n - 1.0) / 6.0)
-    s[PYY] += n * float(y) * y
-    s[PXY] += px * y
-    b[0], b[1] = min(b[0], first), max(b[1], last)
-    b[2], b[3] = min(b[2], y), max(b[3], y)
+    s[i, COUNT] += n
+    s[i, PX] += px
+    s[i, PY] += n * y
+    s[i, PXX] += n * float(first) * first + STRIDE * (n * (n - 1.0)) * (first + STRIDE * (2.0 * n - 1.0) / 6.0)
+    s[i, PYY] += n * float(y) * y
+    s[i, PXY] += px * y
+    b[i, 0], b[i, 1] = min(b[i, 0], first), max(b[i, 1], last)
+    b[i, 2], b[i, 3] = min(b[i, 2], y), max(b[i, 3], y)
 
 
 @njit(cache=True, nogil=True)
-def _add_color(s, lab, row, low, high):  # type: ignore[no-untyped-def]
-    """Add the columns `low` to `high` - 1 of a row of the (rows, cols, 3) uint8 Lab image at half resolution."""
-    zero = np.int32(0)
-    l_sum, a_sum, b_sum, ll, aa, bb, gx, gy, fine = zero, zero, zero, zero, zero, zero, zero, zero, zero
+def _color_row(lightness, a, b, row, colors):  # type: ignore[no-untyped-def]
+    """Write what the pixels of a row but its first and last add into `colors`: L, a and b; their squares, two and one;
+    the gradients; and the fine structure beside the square of b.
+
+    One loop for each: the compiler gives vectors up where it would have to tell many arrays apart.
+    """
+    up, here, down, a_row, b_row = lightness[row - 1], lightness[row], lightness[row + 1], a[row], b[row]
+    for k in range(1, len(here) - 1):
+        colors[0, k] = np.int64(here[k]) | np.int64(a_row[k]) << _THIRD | np.int64(b_row[k]) << 2 * _THIRD
+    for k in range(1, len(here) - 1):
+        value, of_a = np.int32(here[k]), np.int32(a_row[k])
+        colors[1, k] = np.int64(value * value) | np.int64(of_a * of_a) << _HALF
+    for k in range(1, len(here) - 1):
+        value, of_b = np.int32(here[k]), np.int32(b_row[k])
+        around = np.int32(here[k + 1]) + np.int32(here[k - 1]) + np.int32(up[k]) + np.int32(down[k])
+        colors[2, k] = np.int64(of_b * of_b) | np.int64(abs(4 * value - around)) << _HALF
+    for k in range(1, len(here) - 1):
+        across, along = np.int32(here[k + 1]) - np.int32(here[k - 1]), np.int32(down[k]) - np.int32(up[k])
+        colors[3, k] = np.int64(abs(across)) | np.int64(abs(along)) << _HALF
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _add_color(s, i, colors, low, high):  # type: ignore[no-untyped-def]
+    """Add the columns `low` to `high` - 1 of a row."""
+    lab, squares, fine, gradient = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     for k in range(low, high):
-        here, a, c = np.int32(lab[row, k, 0]), np.int32(lab[row, k, 1]), np.int32(lab[row, k, 2])
-        left, right = np.int32(lab[row, k - 1, 0]), np.int32(lab[row, k + 1, 0])
-        up, down = np.int32(lab[row - 1, k, 0]), np.int32(lab[row + 1, k, 0])
-        l_sum += here
-        a_sum += a
-        b_sum += c
-        ll += here * here
-        aa += a * a
-        bb += c * c
-        gx += abs(right - left)
-        gy += abs(down - up)
-        fine += abs(4 * here - (right + left + down + up))
-    s[COLORED] += max(high - low, 0)
-    s[L] += l_sum
-    s[A] += a_sum
-    s[B] += b_sum
-    s[LL] += ll
-    s[AA] += aa
-    s[BB] += bb
-    s[GRADIENT_X] += gx
-    s[GRADIENT_Y] += gy
-    s[FINE] += fine
+        lab += colors[0, k]
+        squares += colors[1, k]
+        fine += colors[2, k]
+        gradient += colors[3, k]
+    s[i, COLORED] += max(high - low, 0)
+    s[i, L] += lab & _IN_THIRD
+    s[i, A] += lab >> _THIRD & _IN_THIRD
+    s[i, B] += lab >> 2 * _THIRD
+    s[i, LL] += squares & _IN_HALF
+    s[i, AA] += squares >> _HALF
+    s[i, BB] += fine & _IN_HALF
+    s[i, GRADIENT_X] += gradient & _IN_HALF
+    s[i, GRADIENT_Y] += gradient >> _HALF
+    s[i, FINE] += fine >> _HALF
 
 
-@njit(cache=True, nogil=True)
-def _add_points(s, b, inverse, y, first, end, matrix):  # type: ignore[no-untyped-def]
-    """Add the measured points of a run; their coordinates are linear in z and x z, and so are the sums."""
+@njit(cache=True, nogil=True, error_model="numpy")
+def _point_row(inverse, y, matrix, depth, points):  # type: ignore[no-untyped-def]
+    """Write z and x z of the pixels of a row into `depth`, 0 where not measured, and X, Y, Z into `points`, NaN there."""
     k0 = matrix[0, 1] * y + matrix[0, 2]
     k1 = matrix[1, 1] * y + matrix[1, 2]
     k2 = matrix[2, 1] * y + matrix[2, 2]
     m0, m1, m2 = matrix[0, 0], matrix[1, 0], matrix[2, 0]
-    n = z1 = zx = zz = zzx = zzxx = 0.0
-    x_low = y_low = z_low = np.inf
-    x_high = y_high = z_high = -np.inf
-    for x in range(first, end, STRIDE):
-        w = inverse[y, x]
-        if w > 0:
-            z = 1.0 / w
-            xz = x * z
-            n += 1.0
-            z1 += z
-            zx += xz
-            zz += z * z
-            zzx += xz * z
-            zzxx += xz * xz
-            rx, ry, rz = m0 * xz + k0 * z, m1 * xz + k1 * z, m2 * xz + k2 * z
-            x_low, x_high = min(x_low, rx), max(x_high, rx)
-            y_low, y_high = min(y_low, ry), max(y_high, ry)
-            z_low, z_high = min(z_low, rz), max(z_high, rz)
-    if n == 0.0:
-        return
-    s[MEASURED] += n
-    s[X] += m0 * zx + k0 * z1
-    s[Y] += m1 * zx + k1 * z1
-    s[Z] += m2 * zx + k2 * z1
-    s[XX] += m0 * m0 * zzxx + 2.0 * m0 * k0 * zzx + k0 * k0 * zz
-    s[YY] += m1 * m1 * zzxx + 2.0 * m1 * k1 * zzx + k1 * k1 * zz
-    s[ZZ] += m2 * m2 * zzxx + 2.0 * m2 * k2 * zzx + k2 * k2 * zz
-    s[DEPTH] += z1
-    s[DEPTH2] += zz
-    b[4], b[5] = min(b[4], x_low), max(b[5], x_high)
-    b[6], b[7] = min(b[6], y_low), max(b[7], y_high)
-    b[8], b[9] = min(b[8], z_low), max(b[9], z_high)
+    for k in range(depth.shape[1]):
+        w = inverse[k * STRIDE]
+        depth[0, k] = 1.0 / w if w > 0 else 0.0
+    for k in range(depth.shape[1]):
+        depth[1, k] = k * STRIDE * depth[0, k]
+    for k in range(depth.shape[1]):
+        points[0, k] = m0 * depth[1, k] + k0 * depth[0, k] if depth[0, k] > 0 else np.nan
+    for k in range(depth.shape[1]):
+        points[1, k] = m1 * depth[1, k] + k1 * depth[0, k] if depth[0, k] > 0 else np.nan
+    for k in range(depth.shape[1]):
+        points[2, k] = m2 * depth[1, k] + k2 * depth[0, k] if depth[0, k] > 0 else np.nan
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _add_points(s, b, i, depth, points, first, end, y, matrix):  # type: ignore[no-untyped-def]
+    """Add the measured points of a run; their coordinates are linear in z and x z, and so are the sums."""
+    n = 0
+    z1 = zx = zz = zzx = zzxx = 0.0
+    x_low, x_high, y_low, y_high, z_low, z_high = b[i, 4], b[i, 5], b[i, 6], b[i, 7], b[i, 8], b[i, 9]
+    for k in range(first, end):
+        z, xz = depth[0, k], depth[1, k]
+        z1 += z
+        zx += xz
+        zz += z * z
+        zzx += xz * z
+        zzxx += xz * xz
+        n += int(z > 0.0)
+        rx, ry, rz = points[0, k], points[1, k], points[2, k]
+        x_low, x_high = rx if rx < x_low else x_low, rx if rx > x_high else x_high
+        y_low, y_high = ry if ry < y_low else y_low, ry if ry > y_high else y_high
+        z_low, z_high = rz if rz < z_low else z_low, rz if rz > z_high else z_high
+    if n > 0:
+        k0 = matrix[0, 1] * y + matrix[0, 2]
+        k1 = matrix[1, 1] * y + matrix[1, 2]
+        k2 = matrix[2, 1] * y + matrix[2, 2]
+        m0, m1, m2 = matrix[0, 0], matrix[1, 0], matrix[2, 0]
+        s[i, MEASURED] += n
+        s[i, X] += m0 * zx + k0 * z1
+        s[i, Y] += m1 * zx + k1 * z1
+        s[i, Z] += m2 * zx + k2 * z1
+        s[i, XX] += m0 * m0 * zzxx + 2.0 * m0 * k0 * zzx + k0 * k0 * zz
+        s[i, YY] += m1 * m1 * zzxx + 2.0 * m1 * k1 * zzx + k1 * k1 * zz
+        s[i, ZZ] += m2 * m2 * zzxx + 2.0 * m2 * k2 * zzx + k2 * k2 * zz
+        s[i, DEPTH] += z1
+        s[i, DEPTH2] += zz
+        b[i, 4], b[i, 5], b[i, 6], b[i, 7], b[i, 8], b[i, 9] = x_low, x_high, y_low, y_high, z_low, z_high
+
+
+@njit(cache=True, nogil=True)
+def _name_row(faces, named):  # type: ignore[no-untyped-def]
+    """Write one 1 per pixel of a row into `named`, at the place of its id 1..5; nothing for id 0."""
+    for k in range(len(named)):
+        named[k] = np.int64(1) << _FIFTH * np.int64(faces[k * STRIDE]) >> _FIFTH
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _add_names(s, i, named, first, end):  # type: ignore[no-untyped-def]
+    counts = np.int64(0)
+    for k in range(first, end):
+        counts += named[k]
+    none = end - first
+    for face in range(1, 6):
+        n = counts >> _FIFTH * (face - 1) & _IN_FIFTH
+        s[i, ORIENTATION + face] += n
+        none -= n
+    s[i, ORIENTATION] += none
 
 
 def count_lines(

@@ -178,14 +178,20 @@ def _look(values, relative, offsets, aspect):  # type: ignore[no-untyped-def]
     return seen
 
 
-@njit(cache=True, nogil=True, fastmath={"nnan"})
+@njit(cache=True, nogil=True)
 def _nearest(x, y, px, py, apart):  # type: ignore[no-untyped-def]
-    """Index of the nearest of the points (x, y): distances in vector registers first, into `apart`."""
+    """Index of the first of the nearest of the points (x, y): distances in vector registers first, into `apart`.
+
+    The least one is sought by their bits, as that of whole numbers: minima of these run in vector registers too.
+    """
     for j in range(len(x)):
         dx, dy = x[j] - px, y[j] - py
         apart[j] = dx * dx + dy * dy
+    bits = apart.view(np.int32)
+    least = bits[0]
+    for j in range(len(bits)):
+        least = min(least, bits[j])
     nearest = 0
-    for j in range(1, len(x)):
-        if apart[j] < apart[nearest]:
-            nearest = j
+    while bits[nearest] != least:
+        nearest += 1
     return nearest
