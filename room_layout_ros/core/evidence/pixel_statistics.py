@@ -94,7 +94,7 @@ def _sum(index, count, lab, has_color, border, inverse, faces, matrix):  # type:
     has_depth, has_faces = inverse.shape[0] > 1, faces.shape[0] > 1
     rows, cols = lab[0].shape
     n = width // STRIDE
-    colors, named = np.zeros((4, max(n, cols)), np.int64), np.zeros(n, np.int64)
+    colors, named = np.zeros((4, cols + 1), np.int64), np.zeros(n + 1, np.int64)
     depth, points = np.zeros((2, n)), np.zeros((3, n), np.float32)
     starts = np.empty(n + 1, np.int32)
     for row in range(height // STRIDE):
@@ -106,16 +106,14 @@ def _sum(index, count, lab, has_color, border, inverse, faces, matrix):  # type:
             _point_row(inverse[y], y, matrix, depth, points)
         if has_faces:
             _name_row(faces[y], named)
-        for run in range(_find_runs(index[y], starts)):
-            first, end = starts[run], starts[run + 1]
-            i = index[y, first * STRIDE]
-            _add_place(sums, bounds, i, first * STRIDE, end * STRIDE, y)
-            if colored:
-                _add_color(sums, i, colors, max(first, border[2] + 1), min(end, cols - border[3] - 1))
-            if has_depth:
-                _add_points(sums, bounds, i, depth, points, first, end, y, matrix)
-            if has_faces:
-                _add_names(sums, i, named, first, end)
+        labels, runs = index[y], _find_runs(index[y], starts)
+        _add_places(sums, bounds, labels, starts, runs, y)
+        if colored:
+            _add_colors(sums, labels, starts, runs, colors, border[2] + 1, cols - border[3] - 1)
+        if has_depth:
+            _add_points(sums, bounds, labels, starts, runs, depth, points, y, matrix)
+        if has_faces:
+            _add_names(sums, labels, starts, runs, named)
     return sums, bounds
 
 
@@ -130,67 +128,75 @@ def _find_runs(index, starts):  # type: ignore[no-untyped-def]
     return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _add_place(s, b, i, first, end, y):  # type: ignore[no-untyped-def]
-    n = (end - first) // STRIDE
-    last = end - STRIDE
-    px = 0.5 * n * (first + last)
-    s[i, COUNT] += n
-    s[i, PX] += px
-    s[i, PY] += n * y
-    s[i, PXX] += n * float(first) * first + STRIDE * (n * (n - 1.0)) * (first + STRIDE * (2.0 * n - 1.0) / 6.0)
-    s[i, PYY] += n * float(y) * y
-    s[i, PXY] += px * y
-    b[i, 0], b[i, 1] = min(b[i, 0], first), max(b[i, 1], last)
-    b[i, 2], b[i, 3] = min(b[i, 2], y), max(b[i, 3], y)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_places(s, b, labels, starts, runs, y):  # type: ignore[no-untyped-def]
+    for run in range(runs):
+        first, last = starts[run] * STRIDE, (starts[run + 1] - 1) * STRIDE
+        i, n = labels[first], starts[run + 1] - starts[run]
+        px = 0.5 * n * (first + last)
+        s[i, COUNT] += n
+        s[i, PX] += px
+        s[i, PY] += n * y
+        s[i, PXX] += n * float(first) * first + STRIDE * (n * (n - 1.0)) * (first + STRIDE * (2.0 * n - 1.0) / 6.0)
+        s[i, PYY] += n * float(y) * y
+        s[i, PXY] += px * y
+        b[i, 0], b[i, 1] = min(b[i, 0], first), max(b[i, 1], last)
+        b[i, 2], b[i, 3] = min(b[i, 2], y), max(b[i, 3], y)
 
 
 @njit(cache=True, nogil=True)
 def _color_row(lightness, a, b, row, colors):  # type: ignore[no-untyped-def]
-    """Write what the pixels of a row but its first and last add into `colors`: L, a and b; their squares, two and one;
+    """Write what the pixels of a row but its first and last add up to into `colors`: L, a and b; their squares, two and one;
     the gradients; and the fine structure beside the square of b.
 
-    One loop for each: the compiler gives vectors up where it would have to tell many arrays apart.
+    Column k + 1 is for all pixels up to k. One loop for each: the compiler gives vectors up where it would have to tell
+    many arrays apart.
     """
     up, here, down, a_row, b_row = lightness[row - 1], lightness[row], lightness[row + 1], a[row], b[row]
     for k in range(1, len(here) - 1):
-        colors[0, k] = np.int64(here[k]) | np.int64(a_row[k]) << _THIRD | np.int64(b_row[k]) << 2 * _THIRD
+        colors[0, k + 1] = np.int64(here[k]) | np.int64(a_row[k]) << _THIRD | np.int64(b_row[k]) << 2 * _THIRD
     for k in range(1, len(here) - 1):
         value, of_a = np.int32(here[k]), np.int32(a_row[k])
-        colors[1, k] = np.int64(value * value) | np.int64(of_a * of_a) << _HALF
+        colors[1, k + 1] = np.int64(value * value) | np.int64(of_a * of_a) << _HALF
     for k in range(1, len(here) - 1):
         value, of_b = np.int32(here[k]), np.int32(b_row[k])
         around = np.int32(here[k + 1]) + np.int32(here[k - 1]) + np.int32(up[k]) + np.int32(down[k])
-        colors[2, k] = np.int64(of_b * of_b) | np.int64(abs(4 * value - around)) << _HALF
+        colors[2, k + 1] = np.int64(of_b * of_b) | np.int64(abs(4 * value - around)) << _HALF
     for k in range(1, len(here) - 1):
         across, along = np.int32(here[k + 1]) - np.int32(here[k - 1]), np.int32(down[k]) - np.int32(up[k])
-        colors[3, k] = np.int64(abs(across)) | np.int64(abs(along)) << _HALF
+        colors[3, k + 1] = np.int64(abs(across)) | np.int64(abs(along)) << _HALF
+    first = second = third = fourth = np.int64(0)
+    for k in range(2, len(here)):
+        first += colors[0, k]
+        second += colors[1, k]
+        third += colors[2, k]
+        fourth += colors[3, k]
+        colors[0, k], colors[1, k], colors[2, k], colors[3, k] = first, second, third, fourth
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _add_color(s, i, colors, low, high):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def _add_colors(s, labels, starts, runs, colors, low, high):  # type: ignore[no-untyped-def]
     """Add the columns `low` to `high` - 1 of a row."""
-    lab, squares, fine, gradient = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
-    for k in range(low, high):
-        lab += colors[0, k]
-        squares += colors[1, k]
-        fine += colors[2, k]
-        gradient += colors[3, k]
-    s[i, COLORED] += max(high - low, 0)
-    s[i, L] += lab & _IN_THIRD
-    s[i, A] += lab >> _THIRD & _IN_THIRD
-    s[i, B] += lab >> 2 * _THIRD
-    s[i, LL] += squares & _IN_HALF
-    s[i, AA] += squares >> _HALF
-    s[i, BB] += fine & _IN_HALF
-    s[i, GRADIENT_X] += gradient & _IN_HALF
-    s[i, GRADIENT_Y] += gradient >> _HALF
-    s[i, FINE] += fine >> _HALF
+    for run in range(runs):
+        i, first = labels[starts[run] * STRIDE], max(starts[run], low)
+        end = max(min(starts[run + 1], high), first)
+        lab, squares = colors[0, end] - colors[0, first], colors[1, end] - colors[1, first]
+        fine, gradient = colors[2, end] - colors[2, first], colors[3, end] - colors[3, first]
+        s[i, COLORED] += end - first
+        s[i, L] += lab & _IN_THIRD
+        s[i, A] += lab >> _THIRD & _IN_THIRD
+        s[i, B] += lab >> 2 * _THIRD
+        s[i, LL] += squares & _IN_HALF
+        s[i, AA] += squares >> _HALF
+        s[i, BB] += fine & _IN_HALF
+        s[i, GRADIENT_X] += gradient & _IN_HALF
+        s[i, GRADIENT_Y] += gradient >> _HALF
+        s[i, FINE] += fine >> _HALF
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _point_row(inverse, y, matrix, depth, points):  # type: ignore[no-untyped-def]
-    """Write z and x z of the pixels of a row into `depth`, 0 where not measured, and X, Y, Z into `points`, NaN there."""
+    """Write z and x z of the pixels of a row into `depth`, 0 where not measured, and X, Y, Z, or NaN, into `points`."""
     k0 = matrix[0, 1] * y + matrix[0, 2]
     k1 = matrix[1, 1] * y + matrix[1, 2]
     k2 = matrix[2, 1] * y + matrix[2, 2]
@@ -208,29 +214,29 @@ def _point_row(inverse, y, matrix, depth, points):  # type: ignore[no-untyped-de
         points[2, k] = m2 * depth[1, k] + k2 * depth[0, k] if depth[0, k] > 0 else np.nan
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _add_points(s, b, i, depth, points, first, end, y, matrix):  # type: ignore[no-untyped-def]
-    """Add the measured points of a run; their coordinates are linear in z and x z, and so are the sums."""
-    n = 0
-    z1 = zx = zz = zzx = zzxx = 0.0
-    x_low, x_high, y_low, y_high, z_low, z_high = b[i, 4], b[i, 5], b[i, 6], b[i, 7], b[i, 8], b[i, 9]
-    for k in range(first, end):
-        z, xz = depth[0, k], depth[1, k]
-        z1 += z
-        zx += xz
-        zz += z * z
-        zzx += xz * z
-        zzxx += xz * xz
-        n += int(z > 0.0)
-        rx, ry, rz = points[0, k], points[1, k], points[2, k]
-        x_low, x_high = rx if rx < x_low else x_low, rx if rx > x_high else x_high
-        y_low, y_high = ry if ry < y_low else y_low, ry if ry > y_high else y_high
-        z_low, z_high = rz if rz < z_low else z_low, rz if rz > z_high else z_high
-    if n > 0:
-        k0 = matrix[0, 1] * y + matrix[0, 2]
-        k1 = matrix[1, 1] * y + matrix[1, 2]
-        k2 = matrix[2, 1] * y + matrix[2, 2]
-        m0, m1, m2 = matrix[0, 0], matrix[1, 0], matrix[2, 0]
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_points(s, b, labels, starts, runs, depth, points, y, matrix):  # type: ignore[no-untyped-def]
+    """Add the measured points of a row; their coordinates are linear in z and x z, and so are the sums."""
+    k0 = matrix[0, 1] * y + matrix[0, 2]
+    k1 = matrix[1, 1] * y + matrix[1, 2]
+    k2 = matrix[2, 1] * y + matrix[2, 2]
+    m0, m1, m2 = matrix[0, 0], matrix[1, 0], matrix[2, 0]
+    for run in range(runs):
+        i, n = labels[starts[run] * STRIDE], 0
+        z1 = zx = zz = zzx = zzxx = 0.0
+        x_low, x_high, y_low, y_high, z_low, z_high = b[i, 4], b[i, 5], b[i, 6], b[i, 7], b[i, 8], b[i, 9]
+        for k in range(starts[run], starts[run + 1]):
+            z, xz = depth[0, k], depth[1, k]
+            n += int(z > 0.0)
+            z1 += z
+            zx += xz
+            zz += z * z
+            zzx += xz * z
+            zzxx += xz * xz
+            rx, ry, rz = points[0, k], points[1, k], points[2, k]
+            x_low, x_high = rx if rx < x_low else x_low, rx if rx > x_high else x_high
+            y_low, y_high = ry if ry < y_low else y_low, ry if ry > y_high else y_high
+            z_low, z_high = rz if rz < z_low else z_low, rz if rz > z_high else z_high
         s[i, MEASURED] += n
         s[i, X] += m0 * zx + k0 * z1
         s[i, Y] += m1 * zx + k1 * z1
@@ -245,22 +251,25 @@ def _add_points(s, b, i, depth, points, first, end, y, matrix):  # type: ignore[
 
 @njit(cache=True, nogil=True)
 def _name_row(faces, named):  # type: ignore[no-untyped-def]
-    """Write one 1 per pixel of a row into `named`, at the place of its id 1..5; nothing for id 0."""
-    for k in range(len(named)):
-        named[k] = np.int64(1) << _FIFTH * np.int64(faces[k * STRIDE]) >> _FIFTH
+    """Write how many pixels of a row up to k have each id 1..5 into column k + 1 of `named`."""
+    for k in range(len(named) - 1):
+        named[k + 1] = np.int64(1) << _FIFTH * np.int64(faces[k * STRIDE]) >> _FIFTH  # nothing for id 0
+    total = np.int64(0)
+    for k in range(1, len(named)):
+        total += named[k]
+        named[k] = total
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _add_names(s, i, named, first, end):  # type: ignore[no-untyped-def]
-    counts = np.int64(0)
-    for k in range(first, end):
-        counts += named[k]
-    none = end - first
-    for face in range(1, 6):
-        n = counts >> _FIFTH * (face - 1) & _IN_FIFTH
-        s[i, ORIENTATION + face] += n
-        none -= n
-    s[i, ORIENTATION] += none
+@njit(cache=True, nogil=True)
+def _add_names(s, labels, starts, runs, named):  # type: ignore[no-untyped-def]
+    for run in range(runs):
+        i, first, end = labels[starts[run] * STRIDE], starts[run], starts[run + 1]
+        none, counts = end - first, named[end] - named[first]
+        for face in range(1, 6):
+            n = counts >> _FIFTH * (face - 1) & _IN_FIFTH
+            s[i, ORIENTATION + face] += n
+            none -= n
+        s[i, ORIENTATION] += none
 
 
 def count_lines(

@@ -169,10 +169,11 @@ def _cells(total, first, last, start, end):  # type: ignore[no-untyped-def]
     return total[last, end] - total[first, end] - total[last, start] + total[first, start]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"reassoc"})
 def _sum_box(mask, first, last, start, end):  # type: ignore[no-untyped-def]
-    total = 0
+    """Sum of a mask of 0 and 1, exact in any order."""
+    total = np.float32(0.0)
     for row in range(first, last):
         for col in range(start, end):
             total += mask[row, col]
-    return total
+    return float(total)
