@@ -146,8 +146,8 @@ def _add_places(s, b, labels, starts, runs, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _color_row(lightness, a, b, row, colors):  # type: ignore[no-untyped-def]
-    """Write what the pixels of a row but its first and last add up to into `colors`: L, a and b; their squares, two and one;
-    the gradients; and the fine structure beside the square of b.
+    """Write what the pixels of a row but its first and last add up to into `colors`: L, a and b; the squares of L and
+    a; that of b and the fine structure; the gradients.
 
     Column k + 1 is for all pixels up to k. One loop for each: the compiler gives vectors up where it would have to tell
     many arrays apart.
