@@ -57,6 +57,18 @@ hang between a near and a far surface: noise, or the side of a thing seen edge-o
 
 _SUMS = 11
 
+_DOWN = -1e-3
+"""Rays that do not fall by more than this meet no floor."""
+
+_FLYING_PIXEL, _LOW_THING, _HIGH_THING, _UNSURE = 6, 7, 8, 9
+"""Kinds while a row is sorted: flying pixels, two kinds of things, and pixels that float32 cannot tell."""
+
+_SURE = np.float32(1e-5)
+"""Part of a threshold by which a pixel has to be away from it to be told in float32."""
+
+_SIDES = 4
+"""Parts of a cell's side by what lies within `_NEXT_TO_M`: neither neighbour, the next, the one before, both."""
+
 FINE = 4
 """Parts of a cell's side: where in a cell a thing stands is kept to a quarter of it."""
 
@@ -153,6 +165,92 @@ def _row_inside(depth, column, reach, out, out_per_px, inside):  # type: ignore[
 
 
 @njit(cache=True, nogil=True)
+def _row_noise(depth, noise_at, noise):  # type: ignore[no-untyped-def]
+    """Write the noise of the height of a row of pixels, NaN where float32 cannot tell its step of depth."""
+    for u in range(len(depth)):
+        step = depth[u] * np.float32(_PER_METRE)
+        step = step if step < np.float32(_STEPS - 1) else np.float32(_STEPS - 1)
+        k = np.int32(step)
+        part = step - np.float32(k)
+        sure = abs(part - np.float32(0.5)) < np.float32(0.499)
+        noise[u] = noise_at[np.uint32(k)] if sure else np.float32(np.nan)
+
+
+@njit(cache=True, nogil=True)
+def _row_thresholds(depth, column, noise, rays, lowest, factor, threshold):  # type: ignore[no-untyped-def]
+    """Write from which height on pixels of a row are things, NaN where that is not sure.
+
+    Near the camera a thing covers many more pixels than a ripple of the noise: a lower threshold does.
+    """
+    ax0, ax1, ay0, ay1 = rays
+    near_m2, near_gain, far_gain = np.float32(_NEAR_M * _NEAR_M), np.float32(_NEAR_GAIN), np.float32(_FAR_GAIN)
+    for u in range(len(depth)):
+        z = depth[u]
+        x, y = (ax0 + ax1 * column[u]) * z, (ay0 + ay1 * column[u]) * z
+        before = x * x + y * y - near_m2
+        nearer = np.float32(_FAR_M) - z
+        nearer = nearer if nearer > np.float32(0.0) else np.float32(0.0)
+        gain = far_gain * (nearer if nearer < near_gain else near_gain)
+        gain = near_gain if before < np.float32(0.0) else gain
+        limit = (factor - gain) * noise[u]
+        limit = lowest if limit < lowest else limit
+        threshold[u] = limit if abs(before) > np.float32(1e-4) else np.float32(np.nan)
+
+
+@njit(cache=True, nogil=True)
+def _row_tolerances(depth, noise, per_sigma, tolerance):  # type: ignore[no-untyped-def]
+    """Write how far from a wall pixels of a row lie on it."""
+    for u in range(len(depth)):
+        tolerance[u] = np.float32(_ON_WALL_M) + per_sigma * noise[u] * depth[u]
+
+
+@njit(cache=True, nogil=True)
+def _row_kinds(inverse, high, inside, labels, threshold, tolerance, column, az, az_per_px, highest, kinds):  # type: ignore[no-untyped-def]
+    """Write the kinds of a row of pixels, all float32, so that it runs on vectors."""
+    for u in range(len(kinds)):
+        h, limit, before, on_wall = high[u], threshold[u], inside[u], tolerance[u]
+        down = az + az_per_px * column[u]
+        floor = FLOOR_PIXEL if h > -limit else HOLE_PIXEL
+        floor = floor if down <= np.float32(_DOWN) else NOTHING
+        thing = _LOW_THING if h < np.float32(_LOW) * limit else _HIGH_THING
+        wall = WALL_PIXEL if before >= -on_wall else BEYOND_PIXEL
+        thing = wall if before < (-on_wall if labels[u] == CLUTTER else on_wall) else thing
+        sure = (abs(abs(h) - limit) > _SURE * limit) & (abs(h - np.float32(_LOW) * limit) > _SURE * limit)
+        sure &= (abs(abs(before) - on_wall) > _SURE * on_wall) & (abs(down - np.float32(_DOWN)) > _SURE)
+        kind = (thing if h > limit else floor) if sure else _UNSURE
+        kinds[u] = kind if (inverse[u] > np.float32(0.0)) & (h <= highest) else NOTHING
+
+
+@njit(cache=True, nogil=True)
+def _row_edges(left, here, right, kinds):  # type: ignore[no-untyped-def]
+    """Things and walls may be flying pixels where the depth falls or rises through them: not sure."""
+    for u in range(len(here)):
+        step = np.float32(0.99 * _FLYING_M) * here[u] * here[u]
+        from_left, to_right = left[u] - here[u], here[u] - right[u]
+        hangs = (min(from_left, to_right) > step) | (max(from_left, to_right) < -step)
+        kinds[u] = _UNSURE if hangs & (kinds[u] >= WALL_PIXEL) & (kinds[u] != HOLE_PIXEL) else kinds[u]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _kind(h, z, x, y, az, inside, on_clutter, flies, noise_at, limits):  # type: ignore[no-untyped-def]
+    """Kind of a pixel, in float64."""
+    lowest, factor, distance = limits
+    noise = noise_at[min(int(z * _PER_METRE), _STEPS - 1)]
+    near = x * x + y * y < _NEAR_M * _NEAR_M
+    gain = _NEAR_GAIN if near else _FAR_GAIN * min(max(_FAR_M - z, 0.0), _NEAR_GAIN)
+    threshold = max(lowest, (factor - gain) * noise)
+    if h <= threshold:
+        floor = FLOOR_PIXEL if h > -threshold else HOLE_PIXEL
+        return floor if az <= _DOWN else NOTHING
+    if flies:
+        return _FLYING_PIXEL
+    tolerance = _ON_WALL_M + _ON_WALL_SIGMAS * noise * z / distance
+    if inside < (-tolerance if on_clutter else tolerance):
+        return WALL_PIXEL if inside >= -tolerance else BEYOND_PIXEL
+    return _LOW_THING if h < _LOW * threshold else _HIGH_THING
+
+
+@njit(cache=True, nogil=True)
 def _flies(left, here, right):  # type: ignore[no-untyped-def]
     """Whether a pixel hangs between a near and a far surface beside it, all inverse depths."""
     step = _FLYING_M * here * here
@@ -162,6 +260,34 @@ def _flies(left, here, right):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _has_holes(hole_kinds):  # type: ignore[no-untyped-def]
+    count = 0
+    for u in range(len(hole_kinds)):
+        count += hole_kinds[u] != MEASURED
+    return count > 0
+
+
+@njit(cache=True, nogil=True)
+def _spread(surface, reach, sums):  # type: ignore[no-untyped-def]
+    """Write the surface of things per cell, and in the cell or beside it, from that in its `_SIDES` squared parts."""
+    rows, cols, _ = sums.shape
+    whole = int(reach)
+    for i in range(rows):
+        for j in range(cols):
+            if sums[i, j, OBSTACLE_PIXELS] == 0.0:
+                continue
+            for k in range(_SIDES * _SIDES):
+                area = surface[i * cols + j, k]
+                if area == 0.0:
+                    continue
+                sums[i, j, OBSTACLE] += area
+                low_i, high_i, low_j, high_j = k >> 3 & 1, k >> 2 & 1, k >> 1 & 1, k & 1
+                for m in range(max(i - whole - low_i, 0), min(i + whole + high_i + 1, rows)):
+                    for n in range(max(j - whole - low_j, 0), min(j + whole + high_j + 1, cols)):
+                        sums[m, n, TOUCHED] += area
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _sum_cells(inverse, hole_kind, labels, intrinsics, T, fit, walls, corner, shape, limits):  # type: ignore[no-untyped-def]
     fx, fy, cx, cy = intrinsics
     distance, sigma = fit
@@ -171,17 +297,21 @@ def _sum_cells(inverse, hole_kind, labels, intrinsics, T, fit, walls, corner, sh
     height, width = inverse.shape
     sums = np.zeros((rows, cols, _SUMS), np.float32)
     sums[:, :, FARTHEST] = -np.inf
-    touched = np.zeros((rows, cols), np.float32)
+    surface = np.zeros((rows * cols, _SIDES * _SIDES), np.float32)
     stands = np.zeros((rows * FINE, cols * FINE), np.bool_)
-    kind = np.zeros((height, width), np.uint8)
+    kind = np.empty((height, width), np.uint8)
     cell = np.full((height, width), -1, np.int32)
     per_pixel = np.float32(1.0 / (fx * fy * size * size))
     per_metre = 1.0 / size
     reach = _NEXT_TO_M * per_metre
+    whole = int(reach)
     noise_at = _noise_table(sigma)
+    noise_32 = noise_at.astype(np.float32)
+    highest_32 = np.float32(highest)
+    highest_32 = highest_32 if highest_32 <= highest else np.nextafter(highest_32, np.float32(0.0))
     column = np.arange(width).astype(np.float32)
     depth, high, inside = np.empty_like(column), np.empty_like(column), np.empty_like(column)
-    i0, i1, j0, j1, run = 0, -1, 0, -1, 0.0
+    noise, threshold, tolerance = np.empty_like(column), np.empty_like(column), np.empty_like(column)
     for v in range(height):
         ry = (v - cy) / fy
         # the ray in floor axes, from the camera at height `distance`
@@ -194,81 +324,78 @@ def _sum_cells(inverse, hole_kind, labels, intrinsics, T, fit, walls, corner, sh
             a, b = walls[k, 0], walls[k, 1]
             out, out_per_px = np.float32(a * ax0 + b * ay0), np.float32(a * ax1 + b * ay1)
             _row_inside(depth, column, np.float32(walls[k, 2]), out, out_per_px, inside)
-        for u in range(width):
-            az = az0 + az1 * u
-            if hole_kind[v, u] != MEASURED and az < -1e-3:
+        rays = (np.float32(ax0), np.float32(ax1), np.float32(ay0), np.float32(ay1))
+        _row_noise(depth, noise_32, noise)
+        _row_thresholds(depth, column, noise, rays, np.float32(lowest), np.float32(factor), threshold)
+        _row_tolerances(depth, noise, np.float32(_ON_WALL_SIGMAS / distance), tolerance)
+        kinds = kind[v]
+        _row_kinds(
+            inverse[v], high, inside, labels[v], threshold, tolerance, column, np.float32(az0), np.float32(az1),
+            highest_32, kinds,
+        )  # fmt: skip
+        _row_edges(inverse[v, :-4], inverse[v, 2:-2], inverse[v, 4:], kinds[2:-2])
+        if _has_holes(hole_kind[v]):
+            for u in range(width):
+                az = az0 + az1 * u
+                if hole_kind[v, u] == MEASURED or az >= _DOWN:
+                    continue
                 z = -distance / az
                 i = int(np.floor(((ay0 + ay1 * u) * z - y0) * per_metre))
                 j = int(np.floor(((ax0 + ax1 * u) * z - x0) * per_metre))
                 if 0 <= i < rows and 0 <= j < cols:
                     which = BRIDGE if hole_kind[v, u] == BRIDGED else BLIND
                     sums[i, j, which] += per_pixel * z * z * z / distance
-            h, z = high[u], depth[u]
-            if h > highest or inverse[v, u] <= 0.0:
+        for u in range(width):
+            what = np.int64(kinds[u])
+            if what in (NOTHING, WALL_PIXEL, BEYOND_PIXEL):
                 continue
-            step = min(int(z * _PER_METRE), _STEPS - 1)
-            noise = noise_at[step]
+            h, z, az = high[u], np.float64(depth[u]), az0 + az1 * u
             x, y = (ax0 + ax1 * u) * z, (ay0 + ay1 * u) * z
-            # Near the camera a thing covers many more pixels than a ripple of the noise: a lower threshold does.
-            near = x * x + y * y < _NEAR_M * _NEAR_M
-            gain = _NEAR_GAIN if near else _FAR_GAIN * min(max(_FAR_M - z, 0.0), _NEAR_GAIN)
-            threshold = max(lowest, (factor - gain) * noise)
-            if h > threshold:
-                if 2 <= u < width - 2 and _flies(inverse[v, u - 2], inverse[v, u], inverse[v, u + 2]):
-                    i, j = int(np.floor((y - y0) * per_metre)), int(np.floor((x - x0) * per_metre))
-                    if 0 <= i < rows and 0 <= j < cols:
-                        sums[i, j, FLYING] += per_pixel * z * z
-                    continue
-                tolerance = _ON_WALL_M + _ON_WALL_SIGMAS * noise * z / distance
-                if inside[u] < (-tolerance if labels[v, u] == CLUTTER else tolerance):
-                    kind[v, u] = WALL_PIXEL if inside[u] >= -tolerance else BEYOND_PIXEL
-                    continue
-                what = OBSTACLE_PIXEL
-            else:
-                if az > -1e-3:
-                    continue
-                what = FLOOR_PIXEL if h > -threshold else HOLE_PIXEL
+            if what == _UNSURE:
+                flies = 2 <= u < width - 2 and _flies(inverse[v, u - 2], inverse[v, u], inverse[v, u + 2])
+                on_clutter = labels[v, u] == CLUTTER
+                what = _kind(h, z, x, y, az, inside[u], on_clutter, flies, noise_at, (lowest, factor, distance))
+                kinds[u] = what
+            if what in (FLOOR_PIXEL, HOLE_PIXEL):
                 z = -distance / az
-                x, y = (ax0 + ax1 * u) * z, (ay0 + ay1 * u) * z
-            kind[v, u] = what
-            across, ahead = (y - y0) * per_metre, (x - x0) * per_metre
-            i, j = int(np.floor(across)), int(np.floor(ahead))
-            if i < 0 or j < 0 or i >= rows or j >= cols:
-                continue
-            cell[v, u] = i * cols + j
-            if what == FLOOR_PIXEL:
-                sums[i, j, SEEN] += per_pixel * z * z * z / distance
+                i = int(np.floor(((ay0 + ay1 * u) * z - y0) * per_metre))
+                j = int(np.floor(((ax0 + ax1 * u) * z - x0) * per_metre))
+                if i < 0 or j < 0 or i >= rows or j >= cols:
+                    continue
+                cell[v, u] = i * cols + j
+                share = per_pixel * z * z * z / distance
+                if what == HOLE_PIXEL:
+                    sums[i, j, HOLE] += share
+                    continue
+                sums[i, j, SEEN] += share
                 sums[i, j, HEIGHT] += h
-                sums[i, j, FLOOR_PIXELS] += 1
-            elif what == HOLE_PIXEL:
-                sums[i, j, HOLE] += per_pixel * z * z * z / distance
-            elif what == OBSTACLE_PIXEL:
+                sums[i, j, FLOOR_PIXELS] += np.float32(1.0)
+            elif what >= _FLYING_PIXEL:
+                kinds[u] = NOTHING if what == _FLYING_PIXEL else OBSTACLE_PIXEL
+                across, ahead = (y - y0) * per_metre, (x - x0) * per_metre
+                i, j = int(np.floor(across)), int(np.floor(ahead))
+                if i < 0 or j < 0 or i >= rows or j >= cols:
+                    continue
                 area = per_pixel * z * z
-                sums[i, j, OBSTACLE] += area
-                sums[i, j, OBSTACLE_PIXELS] += 1
+                if what == _FLYING_PIXEL:
+                    sums[i, j, FLYING] += area
+                    continue
+                cell[v, u] = i * cols + j
+                sums[i, j, OBSTACLE_PIXELS] += np.float32(1.0)
                 stands[int(across * FINE), int(ahead * FINE)] = True
-                first_i, last_i = int(np.floor(across - reach)), int(np.floor(across + reach))
-                first_j, last_j = int(np.floor(ahead - reach)), int(np.floor(ahead + reach))
-                # most pixels reach into the same cells as the one before
-                if first_i != i0 or last_i != i1 or first_j != j0 or last_j != j1:
-                    for m in range(max(i0, 0), min(i1 + 1, rows)):
-                        for n in range(max(j0, 0), min(j1 + 1, cols)):
-                            touched[m, n] += run
-                    i0, i1, j0, j1, run = first_i, last_i, first_j, last_j, 0.0
-                run += area
-                r = np.sqrt(x * x + y * y)
+                low_i, high_i = across - reach < i - whole, across + reach >= i + whole + 1
+                low_j, high_j = ahead - reach < j - whole, ahead + reach >= j + whole + 1
+                surface[i * cols + j, low_i << 3 | high_i << 2 | low_j << 1 | high_j] += np.float32(area)
                 # the next row of a level surface that is seen flat may be centimetres behind this one
                 between = _BETWEEN_PIXELS * z * z / (fy * max(distance - h, 0.05))
-                sums[i, j, FARTHEST] = max(sums[i, j, FARTHEST], r + min(between, _MAX_BETWEEN_M))
-                if az < -1e-3 and h < _LOW * threshold:
+                far = np.float32(np.sqrt(x * x + y * y) + min(between, _MAX_BETWEEN_M))
+                sums[i, j, FARTHEST] = max(sums[i, j, FARTHEST], far)
+                if what == _LOW_THING and az < _DOWN:
                     z = -distance / az
                     i = int(np.floor(((ay0 + ay1 * u) * z - y0) * per_metre))
                     j = int(np.floor(((ax0 + ax1 * u) * z - x0) * per_metre))
                     if 0 <= i < rows and 0 <= j < cols:
                         sums[i, j, HEIGHT] += h
-                        sums[i, j, FLOOR_PIXELS] += 1
-    for m in range(max(i0, 0), min(i1 + 1, rows)):
-        for n in range(max(j0, 0), min(j1 + 1, cols)):
-            touched[m, n] += run
-    sums[:, :, TOUCHED] = touched
+                        sums[i, j, FLOOR_PIXELS] += np.float32(1.0)
+    _spread(surface, reach, sums)
     return sums, stands, kind, cell

@@ -230,10 +230,19 @@ def _settle(
         if support < least:
             return plane, 0
         sums += expected / (1 if last else 4)
-        if np.linalg.cond(sums[:, :3]) > _WORST_CONDITION:
+        if _is_line(sums[:, :3]):
             return plane, 0
         plane = np.linalg.solve(sums[:, :3], sums[:, 3])
     return plane, support
+
+
+def _is_line(A: NDArray[np.float64]) -> bool:
+    """Whether the normal equations (3, 3) are those of pixels on one line, which make no plane."""
+    (a, b, c), (_, d, e), (_, _, f) = A.tolist()
+    trace, det = a + d + f, a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
+    if 0.0 < trace**3 < 1e-2 * _WORST_CONDITION * det:  # an upper bound of the condition, for a tenth of the time
+        return False
+    return bool(np.linalg.cond(A) > _WORST_CONDITION)
 
 
 def _expected(start: FloorPlane, tightly: bool) -> NDArray[np.float64]:
@@ -255,10 +264,12 @@ def _on_one_level(
     expected: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], int]:
     """Return the plane and its support; fitted anew where it runs through two levels."""
-    sure = pixels[:coarse][pixels[:coarse, 3] == 1.0]
-    small = support < _LARGE_FLOOR * least
-    if small or not len(sure) or _on_plane(sure, intrinsics, plane, _HALF_WIDTHS_M[-1]).mean() >= _ONE_LEVEL_SHARE:
+    if support < _LARGE_FLOOR * least:
         return plane, support
+    floor, on_plane = _count_on_plane(pixels[:coarse], intrinsics, plane, _HALF_WIDTHS_M[-1])
+    if not floor or on_plane / floor >= _ONE_LEVEL_SHARE:
+        return plane, support
+    sure = pixels[:coarse][pixels[:coarse, 3] == 1.0]
     near = sure[sure[:, 2] >= np.quantile(sure[:, 2], _FARTHER_SHARE)]
     plane, _ = _settle(near, len(near), intrinsics, plane, _HALF_WIDTHS_M, _MIN_BAND_PIXELS, expected)
     return _settle(pixels, coarse, intrinsics, plane, _HALF_WIDTHS_M[1:], least, expected)
@@ -392,16 +403,19 @@ def _floor_sums(pixels, intrinsics, plane, half_width):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True)
-def _on_plane(pixels, intrinsics, plane, half_width):  # type: ignore[no-untyped-def]
-    """(n,) bool: pixels within a half width and twice the noise of the plane."""
+def _count_on_plane(pixels, intrinsics, plane, half_width):  # type: ignore[no-untyped-def]
+    """Pixels labelled floor, and those of them within a half width and twice the noise of the plane."""
     fx, fy, cx, cy = intrinsics
     d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
-    on = np.empty(len(pixels), np.bool_)
+    floor, on_plane = 0, 0
     for k in range(len(pixels)):
+        if pixels[k, 3] != 1.0:
+            continue
+        floor += 1
         rx, ry, z = (pixels[k, 0] - cx) / fx, (pixels[k, 1] - cy) / fy, 1.0 / pixels[k, 2]
         h = height_over(plane, d, rx, ry, z)
-        on[k] = abs(h) < half_width + 2.0 * depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) * d / z
-    return on
+        on_plane += abs(h) < half_width + 2.0 * depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) * d / z
+    return floor, on_plane
 
 
 @njit(cache=True, nogil=True)

@@ -218,14 +218,15 @@ def _is_tail(sums, corner, i, j):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _is_beside(thing, i, j):  # type: ignore[no-untyped-def]
-    """Whether a thing stands in a cell or in one that touches it."""
+def _beside(thing):  # type: ignore[no-untyped-def]
+    """(rows, cols) bool: a thing stands in the cell or in one that touches it."""
     rows, cols = thing.shape
-    for m in range(max(i - 1, 0), min(i + 2, rows)):
-        for n in range(max(j - 1, 0), min(j + 2, cols)):
-            if thing[m, n]:
-                return True
-    return False
+    beside = np.zeros((rows, cols), np.bool_)
+    for i in range(rows):
+        for j in range(cols):
+            if thing[i, j]:
+                beside[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2] = True
+    return beside
 
 
 @njit(cache=True, nogil=True)
@@ -269,7 +270,7 @@ def _decide(sums, corner, things, height, sigma, walls, half_view, focal, fit, l
     noise_m, distance = fit
     least_seen, least_area, lowest, bridge_cells = limits
     rows, cols, _ = sums.shape
-    grid = np.full((rows, cols), UNKNOWN_CELL, np.int8)
+    grid, near_thing = np.full((rows, cols), UNKNOWN_CELL, np.int8), _beside(thing)
     nearest = np.full((rows, cols), np.inf)
     early = np.full((rows, cols), np.inf)
     farthest, hole_end = np.full((rows, cols), -np.inf), np.full((rows, cols), -np.inf)
@@ -284,7 +285,7 @@ def _decide(sums, corner, things, height, sigma, walls, half_view, focal, fit, l
                 continue
             cell = sums[i, j]
             r = np.sqrt(x * x + y * y)
-            beside, far = _is_beside(thing, i, j), int(r > _CLOSE_M)
+            beside, far = near_thing[i, j], int(r > _CLOSE_M)
             raised = height[i, j] > max(lowest, _DOUBT_SIGMAS * sigma[i, j])
             hole, gap = cell[HOLE] >= _MIN_HOLE, cell[BLIND] >= _MAX_GAP
             pixel = r * r / (focal * size) ** 2  # share of a cell that a pixel covers there
@@ -298,9 +299,11 @@ def _decide(sums, corner, things, height, sigma, walls, half_view, focal, fit, l
                 suspect = raised or touched or gap or doubt[i, j] or flies
                 clear = not suspect and _is_floor(sums, i, j, least_seen, bridge_cells)
                 grid[i, j] = FREE_CELL if clear else UNKNOWN_CELL
-            noise = band_sigma(noise_m, r) * r / distance
             blind = cell[BLIND] >= _ALL_GAP
             stands = thing[i, j] or hole or blind or doubt[i, j]
+            if not stands and not beside:
+                continue
+            noise = band_sigma(noise_m, r) * r / distance
             if stands or (beside and cell[OBSTACLE_PIXELS] > 0):
                 sigmas = (_SURE_SIGMAS[far] if thing[i, j] else 0.0) if stands else _STRAY_SIGMAS[far]
                 early[i, j] = max(sigmas * noise - _PLACE_M, min(sigmas, 0.0) * noise)

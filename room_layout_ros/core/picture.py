@@ -75,7 +75,7 @@ def _draw_legend(picture: NDArray[np.uint8], estimate: RoomEstimate, scale: int)
     if h <= 0 or w <= 0:
         return
     spot = picture[8 : 8 + h, 8 : 8 + w]
-    spot[:] = (spot * (1.0 - alpha) + card[:h, :w] * alpha).astype(np.uint8)
+    _lay(card, np.float32(alpha), 1.0 - alpha, spot)
 
 
 def _legend(title: str, rows: tuple[tuple[int, str], ...], scale: int) -> tuple[NDArray[np.float32], float]:
@@ -144,3 +144,12 @@ def _mix(ground, kinds, mixtures, picture):  # type: ignore[no-untyped-def]
         picture[x, 0] = mixtures[kind, 0, ground[x, 0]]
         picture[x, 1] = mixtures[kind, 1, ground[x, 1]]
         picture[x, 2] = mixtures[kind, 2, ground[x, 2]]
+
+
+@njit(cache=True, nogil=True)
+def _lay(card, alpha, rest, spot):  # type: ignore[no-untyped-def]
+    """Lay a card over a spot of a picture, as opaque as `alpha`; what it does not cover of it stays."""
+    for y in range(spot.shape[0]):
+        for x in range(spot.shape[1]):
+            for c in range(3):
+                spot[y, x, c] = np.uint8(np.float64(spot[y, x, c]) * rest + np.float64(card[y, x, c] * alpha))
