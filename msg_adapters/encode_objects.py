@@ -12,9 +12,9 @@ from room_layout_ros.core.cuboids import ObjectCuboid
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.labels import CLUTTER, FURNITURE_NYU40
 
-from .encode_navigation import encode_pose
+from .encode_navigation import encode_rotation
 from .encode_room import encode_color, new_marker
-from .messages import ColorRGBA, Marker, MarkerArray, Point, Vector3
+from .messages import ColorRGBA, Marker, MarkerArray
 
 _ALPHA = 0.45
 _TEXT_HEIGHT_M = 0.14
@@ -28,13 +28,15 @@ def encode_objects(
     for number, thing in enumerate(objects):
         size = thing.size_m
         box = new_marker(estimate, "objects", number, Marker.CUBE, lifetime_s)
-        box.pose = encode_pose(T_camera_floor @ _pose(thing), estimate.stamp_ns, estimate.frame_id).pose
-        box.scale = Vector3(x=float(size[0]), y=float(size[1]), z=float(size[2]))
+        pose, position = T_camera_floor @ _pose(thing), box.pose.position
+        position.x, position.y, position.z = pose[:3, 3].tolist()
+        box.pose.orientation = encode_rotation(pose[:3, :3])
+        box.scale.x, box.scale.y, box.scale.z = size.tolist()
         box.color = _color(thing.nyu40)
         text = new_marker(estimate, "object names", number, Marker.TEXT_VIEW_FACING, lifetime_s)
         above = thing.center_m + np.array([0.0, 0.0, 0.5 * size[2] + _TEXT_HEIGHT_M])
-        x, y, z = (T_camera_floor @ np.append(above, 1.0))[:3].tolist()
-        text.pose.position = Point(x=x, y=y, z=z)
+        position = text.pose.position
+        position.x, position.y, position.z = (T_camera_floor @ np.append(above, 1.0))[:3].tolist()
         text.scale.z = _TEXT_HEIGHT_M
         text.color = ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0)
         name = FURNITURE_NYU40.get(thing.nyu40, "object")

@@ -12,7 +12,7 @@ from room_layout_ros.core.labels import LABEL_COLORS, LABEL_NAMES
 from room_layout_ros.core.layout import FacePolygon
 
 from .header import encode_header
-from .messages import ColorRGBA, Duration, Marker, MarkerArray, Point, Point32, PolygonInstanceStamped, String, Vector3
+from .messages import ColorRGBA, Marker, MarkerArray, Point, Point32, PolygonInstanceStamped, String
 from .stamp import NS_PER_S
 
 _FILL_ALPHA = 0.35
@@ -62,18 +62,23 @@ def encode_points(points: NDArray[np.float64]) -> list[Point]:
 
 
 def new_marker(estimate: RoomEstimate, namespace: str, number: int, kind: int, lifetime_s: float) -> Marker:
-    """Return a marker in the frame and at the time of the estimate."""
-    marker = Marker(header=encode_header(estimate.stamp_ns, estimate.frame_id))
-    marker.texture.header = encode_header(estimate.stamp_ns, estimate.frame_id)  # empty, but every header is alike
+    """Return a marker in the frame and at the time of the estimate.
+
+    A message makes all its parts itself, also those it is given: filling them costs half of giving them.
+    """
+    marker = Marker()
+    sec, nanosec = divmod(estimate.stamp_ns, NS_PER_S)
+    for header in (marker.header, marker.texture.header):  # the texture is empty, but every header is alike
+        header.stamp.sec, header.stamp.nanosec, header.frame_id = sec, nanosec, estimate.frame_id
     marker.ns, marker.id, marker.type, marker.action = namespace, number, kind, Marker.ADD
     marker.pose.orientation.w = 1.0
-    marker.lifetime = Duration(sec=int(lifetime_s), nanosec=int(lifetime_s % 1.0 * NS_PER_S))
+    marker.lifetime.sec, marker.lifetime.nanosec = int(lifetime_s), int(lifetime_s % 1.0 * NS_PER_S)
     return marker
 
 
 def _fill(estimate: RoomEstimate, polygon: FacePolygon, lifetime_s: float) -> Marker:
     marker = new_marker(estimate, "faces", polygon.face, Marker.TRIANGLE_LIST, lifetime_s)
-    marker.scale = Vector3(x=1.0, y=1.0, z=1.0)
+    marker.scale.x = marker.scale.y = marker.scale.z = 1.0
     marker.color = encode_color(polygon.face, _FILL_ALPHA)
     corners = encode_points(polygon.points_m)  # convex: a fan covers it
     marker.points = [corners[k] for i in range(1, len(corners) - 1) for k in (0, i, i + 1)]
@@ -94,7 +99,8 @@ def _text(estimate: RoomEstimate, polygon: FacePolygon, lifetime_s: float) -> Ma
     marker.scale.z = _TEXT_HEIGHT_M
     marker.color = encode_color(polygon.face)
     centre = polygon.points_m.mean(axis=0)
-    marker.pose.position = Point(x=float(centre[0]), y=float(centre[1]), z=float(centre[2]))
+    position = marker.pose.position
+    position.x, position.y, position.z = centre.tolist()
     unit = " m" if estimate.metric else ""
     marker.text = f"{LABEL_NAMES[polygon.face]} {polygon.distance:.2f}{unit}"
     return marker
