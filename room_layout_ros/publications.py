@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any, NamedTuple
 
 from rclpy.exceptions import InvalidHandle
@@ -13,6 +13,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from msg_adapters import messages
 from msg_adapters.encode_room import encode_label_names
 
+from .core.stage_clock import StageClock
 from .outputs import OUTPUTS
 from .scene import Scene
 
@@ -58,11 +59,13 @@ class Publications:
         return any(self._is_wanted(publisher) for _, publisher in self._outputs)
 
     def send(self, scene: Scene) -> Sent:
-        """Encode and publish what has a listener."""
-        on_floor = floor_wanted = False
-        for output, publisher in self._outputs:
-            if self._is_wanted(publisher):
-                floor_wanted |= output.needs_floor
+        """Encode and publish what has a listener; free space is computed while pictures are encoded."""
+        wanted = [(output, publisher) for output, publisher in self._outputs if self._is_wanted(publisher)]
+        on_floor, floor_wanted = False, any(output.needs_floor for output, _ in wanted)
+        with StageClock().beside("free space", scene.find_floor) if floor_wanted else nullcontext() as found:
+            for output, publisher in wanted:
+                if output.needs_floor and found is not None:
+                    found()
                 for message in output.encode(scene):
                     on_floor |= self._publish(publisher, message) and output.on_floor
         return Sent(on_floor, floor_wanted)
