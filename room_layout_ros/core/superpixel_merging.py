@@ -7,8 +7,8 @@ from numba import njit
 
 from .superpixel_sums import plane_sse, plane_sse_of_both, plane_variance
 
-_BLOCK = 64
-"""Costs of which the least is sought at a time."""
+_BLOCK = 32
+"""Costs of which the least is kept, so that after a change few have to be looked at."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -29,9 +29,13 @@ def merge_superpixels(sums, edges, wanted, color, depth, noise, noise_quantum, p
     cost = np.empty(n_edges)
     for e in range(n_edges):
         cost[e] = _pair_cost(sums, sse, ends[e, 0], ends[e, 1], color, depth, noise, noise_quantum, power)
+    bits = cost.view(np.int64)
+    low = np.empty((n_edges + _BLOCK - 1) // _BLOCK, np.int64)
+    for block in range(len(low)):
+        low[block] = _least(bits, block)
     left = count
     while left > wanted and n_edges > 0:
-        best = _first_least(cost.view(np.int64))
+        best = _first_least(bits, low)
         if cost[best] == np.inf:
             break
         keep, gone = min(ends[best]), max(ends[best])
@@ -50,6 +54,7 @@ def merge_superpixels(sums, edges, wanted, color, depth, noise, noise_quantum, p
                     cost[e] = np.inf
                 else:
                     cost[e] = _pair_cost(sums, sse, i, j, color, depth, noise, noise_quantum, power)
+                low[e // _BLOCK] = _least(bits, e // _BLOCK)
             place = following[place]
     ids = np.empty(count, np.int32)
     n = 0
@@ -83,18 +88,26 @@ def _edges_of_nodes(ends, count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _first_least(bits):  # type: ignore[no-untyped-def]
-    """Place of the first of the least costs, none below 0, by their bits: whole numbers run in vector registers."""
-    least, block = bits[0], 0
-    for start in range(0, len(bits), _BLOCK):
-        low = bits[start]
-        for e in range(start, min(start + _BLOCK, len(bits))):
-            low = min(low, bits[e])
-        if low < least:
-            least, block = low, start
-    while bits[block] != least:
+def _least(bits, block):  # type: ignore[no-untyped-def]
+    """Least cost of a block, none below 0, by their bits: whole numbers run in vector registers."""
+    least = bits[block * _BLOCK]
+    for e in range(block * _BLOCK, min((block + 1) * _BLOCK, len(bits))):
+        least = min(least, bits[e])
+    return least
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _first_least(bits, low):  # type: ignore[no-untyped-def]
+    """Place of the first of the least costs, given the least of each block."""
+    least, block = low[0], 0
+    for k in range(len(low)):
+        least = min(least, low[k])
+    while low[block] != least:
         block += 1
-    return block
+    e = block * _BLOCK
+    while bits[e] != least:
+        e += 1
+    return e
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
