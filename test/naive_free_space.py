@@ -9,11 +9,14 @@ from room_layout_ros.core.depth import DepthGeometry
 from room_layout_ros.core.floor_cells import (
     BEYOND_PIXEL,
     FLOOR_PIXEL,
+    FREE_CELL,
     HOLE_PIXEL,
     NOTHING,
     OBSTACLE_PIXEL,
+    UNKNOWN_CELL,
     WALL_PIXEL,
 )
+from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import CLUTTER
 
 
@@ -84,3 +87,53 @@ def _add(sums: NDArray[np.float64], point: NDArray[np.float64], size: float, are
     i, j = int(np.floor(point[1] / size + sums.shape[0] / 2)), int(np.floor(point[0] / size))
     if 0 <= i < sums.shape[0] and 0 <= j < sums.shape[1]:
         sums[i, j] += area / size**2
+
+
+def naive_hidden(
+    grid: NDArray[np.int8],
+    inverse: NDArray[np.float32],
+    kind: NDArray[np.uint8],
+    camera: CameraIntrinsics,
+    T: NDArray[np.float64],
+    corner: tuple[float, float, float],
+    robot_height_m: float,
+    margin_m: float,
+) -> NDArray[np.int8]:
+    """Return the grid without the free cells over a corner of which something hides at least four of the looks."""
+    result = grid.copy()
+    for i, j in np.argwhere(grid == FREE_CELL):
+        for m, n in ((i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)):
+            foot = np.array([corner[0] + n * corner[2], corner[1] + m * corner[2], 0.0])
+            farther = foot * (1.0 + margin_m / max(float(np.hypot(*foot[:2])), 1e-9))
+            beside = not 0 <= _pixel(camera, T, farther)[0] <= camera.width - 1
+            places = [foot, farther] if beside else [foot]
+            if any(_looks_hidden(place, inverse, kind, camera, T, robot_height_m) >= 4 for place in places):
+                result[i, j] = UNKNOWN_CELL
+    return result
+
+
+def _pixel(camera: CameraIntrinsics, T: NDArray[np.float64], point: NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = T[:3, :3] @ point + T[:3, 3]
+    return float(x / max(z, 0.1) * camera.fx + camera.cx), float(y / max(z, 0.1) * camera.fy + camera.cy), float(z)
+
+
+def _looks_hidden(
+    place: NDArray[np.float64],
+    inverse: NDArray[np.float32],
+    kind: NDArray[np.uint8],
+    camera: CameraIntrinsics,
+    T: NDArray[np.float64],
+    robot_height_m: float,
+) -> int:
+    hidden = 0
+    for k in range(1, int(robot_height_m / 0.05) + 1):
+        u, v, z = _pixel(camera, T, place + (0.0, 0.0, 0.05 * k))
+        cut = not 0 <= round(u) < camera.width
+        col, row = min(max(round(u), 0), camera.width - 1), round(v)
+        if z < 0.1 or not 0 <= row < camera.height or inverse[row, col] <= 0:
+            continue
+        goes_on = cut and kind[row, col] == OBSTACLE_PIXEL
+        before = z - 1.0 / float(inverse[row, col])
+        if (-0.3 if goes_on else 0.08) < before < 0.5:
+            hidden += 2 if goes_on else 1
+    return hidden

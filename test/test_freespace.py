@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from furnished import CONFIG, GREY, box, empty, free_space_of, no_estimate_of, with_truth
-from naive_free_space import naive_cells
+from naive_free_space import naive_cells, naive_hidden
 from numpy.typing import NDArray
 
 from room_layout_ros.core.config import EstimatorConfig
@@ -243,6 +243,26 @@ def test_what_the_pictures_side_cuts_off_may_stand_in_the_margin() -> None:
         hidden.append(grid == -1)
     assert not (hidden[0] & ~hidden[1]).any()
     assert (hidden[1] & ~hidden[0]).any()
+
+
+@pytest.mark.parametrize("pitch", [-0.5, -0.1, 0.2])
+def test_what_hides_the_space_over_cells_is_what_its_slow_twin_says(pitch: float, rng: np.random.Generator) -> None:
+    """Places are passed over by tiles of the picture; none of those that are hidden may be among them."""
+    camera = CameraIntrinsics(fx=140.0, fy=140.0, cx=79.3, cy=60.2, width=160, height=120)
+    normal = np.array([0.05, np.cos(pitch), -np.sin(pitch)])
+    T = floor_frame(normal / np.linalg.norm(normal), 1.1)
+    inverse = np.full((120, 160), 1.0 / 7.0, np.float32)
+    for _ in range(25):
+        v, u = rng.integers(0, 110), rng.integers(0, 150)
+        inverse[v : v + rng.integers(3, 30), u : u + rng.integers(3, 20)] = rng.choice([0.0, 1 / rng.uniform(1.0, 6.0)])
+    kind = np.where(rng.random((120, 1)) < 0.5, OBSTACLE_PIXEL, WALL_PIXEL).astype(np.uint8).repeat(160, axis=1)
+    grid = np.where(rng.random((48, 36)) < 0.8, 0, -1).astype(np.int8)
+    view = (inverse, kind, camera, T, (0.0, -3.0, 0.125), 2.0, 0.1)
+    expected = naive_hidden(grid, *view)
+    hide_overhung(grid, *view)
+    np.testing.assert_array_equal(grid, expected)
+    assert (expected == -1).any()
+    assert (expected == 0).any()
 
 
 def test_a_hole_in_the_floor_is_not_free() -> None:

@@ -103,10 +103,12 @@ def _layers(inverse, labels, color, intrinsics, plane):  # type: ignore[no-untyp
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _row_heights(inverse, rx, ry, plane, d, high):  # type: ignore[no-untyped-def]
-    """Write the heights of a row of pixels over the plane, +-inf without depth; so that it runs on vectors."""
+    """Write the heights of a row of pixels over the plane, inf without depth; by itself, so that it runs on vectors."""
     a, b, c = plane[0], plane[1] * ry, plane[2]
     for k in range(len(rx)):
-        high[k] = d * (1.0 - (a * rx[k] + b + c) * (1.0 / np.float64(inverse[k])))
+        w = np.float64(inverse[k])
+        h = d * (1.0 - (a * rx[k] + b + c) * (1.0 / (w if w > 0.0 else 1.0)))
+        high[k] = h if w > 0.0 else np.inf
 
 
 @njit(cache=True, nogil=True)
