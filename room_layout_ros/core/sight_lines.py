@@ -38,7 +38,7 @@ def in_line_of_sight(
     return np.asarray(_in_line(grid, blind, *_directions(grid.shape, corner, blur), blur))
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=1)  # a node has one grid, and a large one has many cells
 def _directions(
     shape: tuple[int, ...], corner: tuple[float, float, float], blur: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
