@@ -57,7 +57,7 @@ class NodeStages:
     def warm_up(self, settings: Settings) -> None:
         """Run one made-up frame through everything."""
         self._node.get_logger().info(
-            "warming up; the first start after an installation compiles for one to two minutes"
+            "warming up; the first start after an installation compiles for one to four minutes"
         )
         if settings.depth_camera is not None and settings.depth_camera.warning:
             self._node.get_logger().warning(settings.depth_camera.warning)

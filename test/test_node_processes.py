@@ -249,7 +249,7 @@ def test_f33_words_that_are_none_of_ros_are_refused(repository: Path, word: str,
 def test_it_says_how_long_the_first_start_takes_and_when_it_is_ready(repository: Path) -> None:
     with python(repository, *NODE) as node:
         said = read_until(node, "ready, warm after")
-        assert "the first start after an installation compiles for one to two minutes" in said
+        assert "the first start after an installation compiles for one to four minutes" in said
         end_in_time(node, signal.SIGINT)
 
 

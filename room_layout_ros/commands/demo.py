@@ -45,7 +45,7 @@ from room_layout_ros.extras import install_hint
 MADE_BY_US = ".room-layout-demo"
 """A folder with this file was made by the demo and may be replaced by the next one."""
 
-_FIRST_TIME = "the first run on a machine compiles for one to two minutes"
+_FIRST_TIME = "the first run on a machine compiles for one to four minutes"
 
 RENDERED_FRAMES = 60
 RENDERED_SEED = 4
