@@ -16,7 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from room_layout_ros.core.models import load_scene_network
-from room_layout_ros.core.scene_layers import COLUMNS, INPUT_HEIGHT, INPUT_WIDTH, N_SCORES, ROWS, STAGES, SceneLayers
+from room_layout_ros.core.scene_layers import (
+    COLUMNS,
+    INPUT_HEIGHT,
+    INPUT_WIDTH,
+    N_SCORES,
+    ROWS,
+    STEM_CHANNELS,
+    STEM_KERNEL,
+    STEM_STRIDE,
+    TAPS,
+    TOP,
+    SceneLayers,
+    blocks,
+)
 
 RUNS = 40
 Look = Callable[[NDArray[np.float32]], NDArray[np.float32]]
@@ -49,22 +62,36 @@ def _ways() -> dict[str, Look]:
         print("onnx is not installed (pip install onnx onnxruntime): no peers")
         return ways
     network = _onnx(arrays)
-    net = cv2.dnn.readNetFromONNX(np.frombuffer(network, np.uint8))
-
-    def opencv(color: NDArray[np.float32]) -> NDArray[np.float32]:
-        net.setInput(np.ascontiguousarray(np.moveaxis(color, -1, 0)[None]))
-        return np.asarray(net.forward()[0], np.float32)
-
-    ways[f"OpenCV {cv2.__version__}"] = opencv
+    ways[f"OpenCV {cv2.__version__}"] = _by_opencv(network)
     if importlib.util.find_spec("onnxruntime") is not None:
         import onnxruntime
 
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        session = onnxruntime.InferenceSession(network, options, providers=["CPUExecutionProvider"])
-        name = f"ONNX Runtime {onnxruntime.__version__}"
-        ways[name] = lambda color: session.run(None, {"color": np.moveaxis(color, -1, 0)[None]})[0][0]
+        ways[f"ONNX Runtime {onnxruntime.__version__}"] = _by_onnx_runtime(network)
     return ways
+
+
+def _by_opencv(network: bytes) -> Look:
+    net = cv2.dnn.readNetFromONNX(np.frombuffer(network, np.uint8))
+
+    def look(color: NDArray[np.float32]) -> NDArray[np.float32]:
+        net.setInput(_channels_first(color))
+        return np.asarray(net.forward()[0], np.float32)
+
+    return look
+
+
+def _by_onnx_runtime(network: bytes) -> Look:
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    session = onnxruntime.InferenceSession(network, options, providers=["CPUExecutionProvider"])
+    return lambda color: np.asarray(session.run(None, {"color": _channels_first(color)})[0][0], np.float32)
+
+
+def _channels_first(color: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(1, 3, H, W) of (H, W, 3)."""
+    return np.ascontiguousarray(np.moveaxis(color, -1, 0)[None])
 
 
 class _Graph:
@@ -87,15 +114,19 @@ class _Graph:
         self.nodes.append(self._onnx.helper.make_node(kind, inputs, [f"x{len(self.nodes)}"], **attributes))
         return str(self.nodes[-1].output[0])
 
-    def conv(self, name: str, x: str, stride: int = 1, picture: bool = False) -> str:
-        weight = self._arrays[f"{name}.weight"].astype(np.float32)
-        if picture:
-            weight = weight.reshape(3, 3, 3, -1).transpose(3, 2, 0, 1)
-        elif filters := weight.ndim == 3:
-            weight = weight.transpose(2, 0, 1)[:, None]
-        else:
-            weight = weight.T[:, :, None, None]
-        size, groups = weight.shape[2], len(weight) if not picture and filters else 1
+    def stem(self, x: str) -> str:
+        weight = self._arrays["stem.weight"].reshape(STEM_KERNEL, STEM_KERNEL, 3, STEM_CHANNELS)
+        return self.relu6(self._conv("stem", x, weight.transpose(3, 2, 0, 1), STEM_STRIDE))
+
+    def filter(self, name: str, x: str, stride: int = 1) -> str:
+        weight = self._arrays[f"{name}.weight"].transpose(2, 0, 1)[:, None]
+        return self._conv(name, x, weight, stride, groups=len(weight))
+
+    def mix(self, name: str, x: str) -> str:
+        return self._conv(name, x, self._arrays[f"{name}.weight"].T[:, :, None, None])
+
+    def _conv(self, name: str, x: str, weight: NDArray[Any], stride: int = 1, groups: int = 1) -> str:
+        size = weight.shape[2]
         before = (size - stride) // 2
         after = size - stride - before
         names = [
@@ -108,7 +139,7 @@ class _Graph:
         return self.add("Clip", x, "zero", "six")
 
     def separable(self, name: str, x: str) -> str:
-        return self.add("Relu", self.conv(f"{name}.mix", self.conv(f"{name}.filter", x)))
+        return self.add("Relu", self.mix(f"{name}.mix", self.filter(f"{name}.filter", x)))
 
 
 def _onnx(arrays: dict[str, NDArray[Any]]) -> bytes:
@@ -116,23 +147,24 @@ def _onnx(arrays: dict[str, NDArray[Any]]) -> bytes:
     import onnx
 
     g = _Graph(arrays)
-    x, width, taps, number = g.relu6(g.conv("stem", "color", 2, picture=True)), 32, {}, 0
-    for repeats, _, stride, expansion, _, out in STAGES:
-        for k in range(repeats):
-            name, step = f"blocks.{number}", stride if k == 0 else 1
-            y = g.relu6(g.conv(f"{name}.expand", x)) if expansion > 1 else x
-            y = g.conv(f"{name}.project", g.relu6(g.conv(f"{name}.filter", y, step)))
-            x = g.add("Add", x, y) if step == 1 and width == out else y
-            width, taps[number], number = out, x, number + 1
+    x, width, taps = g.stem("color"), STEM_CHANNELS, []
+    for number, (_, stride, wide, out) in enumerate(blocks()):
+        name = f"blocks.{number}"
+        y = g.relu6(g.mix(f"{name}.expand", x)) if wide > width else x
+        y = g.mix(f"{name}.project", g.relu6(g.filter(f"{name}.filter", y, stride)))
+        x, width = g.add("Add", x, y) if stride == 1 and width == out else y, out
+        taps += [x] if number in TAPS else []
+    *finer, deepest = taps
     position = g.constant("position", np.moveaxis(arrays["position"], -1, 0)[None].astype(np.float32))
-    whole = g.conv("whole", g.add("GlobalAveragePool", x))
-    x = g.add("Add", g.add("Add", g.conv("lateral.3", x), position), whole)
-    x = g.separable("top.1", g.separable("top.0", x))
+    whole = g.mix("whole", g.add("GlobalAveragePool", deepest))
+    x = g.add("Add", g.add("Add", g.mix(f"lateral.{len(finer)}", deepest), position), whole)
+    for k in range(len(TOP)):
+        x = g.separable(f"top.{k}", x)
     sizes = g.constant("sizes", np.array([1.0, 1.0, 2.0, 2.0], np.float32))
-    for k, tap in enumerate((10, 4, 2)):
+    for k, tap in enumerate(reversed(finer)):
         larger = g.add("Resize", x, "", sizes, mode="linear", coordinate_transformation_mode="half_pixel")
-        x = g.separable(f"smooth.{k}", g.add("Add", larger, g.conv(f"lateral.{2 - k}", taps[tap])))
-    parts = g.conv("labels", x), g.conv("layout", g.separable("behind", x)), g.conv("classes", x)
+        x = g.separable(f"smooth.{k}", g.add("Add", larger, g.mix(f"lateral.{len(finer) - 1 - k}", tap)))
+    parts = g.mix("labels", x), g.mix("layout", g.separable("behind", x)), g.mix("classes", x)
     scores = g.add("Concat", *parts, axis=1)
     kind, make = onnx.TensorProto.FLOAT, onnx.helper.make_tensor_value_info
     inputs = [make("color", kind, [1, 3, INPUT_HEIGHT, INPUT_WIDTH])]

@@ -8,6 +8,9 @@ from numba import njit
 from .convolution import filter_rows, multiply
 
 STEM, BLOCK, POINT, ENLARGE, WHOLE = range(5)
+"""Kinds of layers: full convolution of the picture; widen, filter, narrow; product per pixel; add the source twice as
+large to the target; add a product of the mean of the source, and what each place has of its own, to the target."""
+
 LAYER = np.dtype([
     (name, np.int64)
     for name in (
@@ -17,7 +20,8 @@ LAYER = np.dtype([
 ])  # fmt: skip
 """What a layer does. source, target: where its images begin; rows, columns, channels: of the source; out: channels of
 the target; wide: channels of the widened image; bounded: 1 for ReLU6 inside and none at the end, 0 for none inside and
-ReLU at the end; the others: where its weights begin (-1: it has none).
+ReLU at the end; residual: 1 where the source is added; the others: where its weights begin (-1: it has none; taps of
+`WHOLE`: what each place has of its own).
 """
 
 _BAND = 1 << 15
@@ -73,7 +77,10 @@ def _run_stem(layer, color, weights, images, patches):  # type: ignore[no-untype
 
 @njit(cache=True, nogil=True)
 def _run_block(layer, weights, images, wide, filtered):  # type: ignore[no-untyped-def]
-    """Widen (where there are weights for it), filter each channel, narrow; a band of rows after the other."""
+    """Widen (where there are weights for it), filter each channel, narrow; a band of rows after the other.
+
+    The widened image is kept whole: filters of neighbouring bands see some of the same rows.
+    """
     rows, columns, kernel, stride, width = layer.rows, layer.columns, layer.kernel, layer.stride, layer.wide
     before, out_rows, out_step = pad_before(kernel, stride), rows // stride, columns // stride * layer.out
     taps, taps_bias = weights[layer.taps :], weights[layer.taps_bias :]
@@ -110,11 +117,8 @@ def _widen(layer, weights, images, wide, first, stop, before):  # type: ignore[n
         wide[row * step : row * step + before * width] = _ZERO
         wide[row * step + (before + columns) * width : (row + 1) * step] = _ZERO
     if layer.expand >= 0:
-        panels, bias, target = (
-            weights[layer.expand :],
-            weights[layer.expand_bias :],
-            wide[first * step + before * width :],
-        )
+        panels, bias = weights[layer.expand :], weights[layer.expand_bias :]
+        target = wide[first * step + before * width :]
         multiply(source, stop - first, columns, layer.channels, panels, bias, width, target, step, _ZERO, _RELU6)
     else:
         for row in range(first, stop):
@@ -131,7 +135,10 @@ def _run_point(layer, weights, images):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _add_enlarged(layer, images):  # type: ignore[no-untyped-def]
-    """Add the source, twice as large by bilinear interpolation, to the target."""
+    """Add the source, twice as large by bilinear interpolation, to the target.
+
+    A pixel of the larger image lies a quarter of the way from the source's pixel to the next, beyond the side to none.
+    """
     rows, columns, channels = layer.rows, layer.columns, layer.channels
     source = images[layer.source : layer.source + rows * columns * channels]
     row = np.empty(columns * channels, np.float32)

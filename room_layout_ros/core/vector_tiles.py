@@ -11,6 +11,7 @@ from typing import Any
 
 from llvmlite import binding, ir
 from numba import config, types
+from numba.core.errors import TypingError
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
@@ -30,7 +31,7 @@ _INT32 = ir.IntType(32)
 
 
 class _Vectors:
-    """Vectors of `lanes` floats in the code that `builder` writes."""
+    """Vectors of `lanes` floats in the code that `builder` writes; they may begin anywhere (align: of one float)."""
 
     def __init__(self, builder: Any, lanes: int) -> None:
         self._builder, self.type = builder, ir.VectorType(_FLOAT, lanes)
@@ -43,15 +44,18 @@ class _Vectors:
         self._builder.store(vector, self._builder.bitcast(pointer, self.type.as_pointer()), align=4)
 
     def spread(self, number: Any) -> Any:
+        """Return a vector that is the number in every lane."""
         nothing = ir.Constant(self.type, ir.Undefined)
         one = self._builder.insert_element(nothing, number, ir.Constant(_INT32, 0))
         return self._builder.shuffle_vector(one, nothing, self._every)
 
     def add_product(self, total: Any, one: Any, other: Any) -> Any:
+        """Return total + one x other, rounded once where the CPU has such an instruction."""
         product = self._builder.fmul(one, other, flags=("contract",))
         return self._builder.fadd(total, product, flags=("contract",))
 
     def store_clamped(self, vectors: list[Any], pointers: list[Any], least: Any, most: Any) -> None:
+        """Store vectors held between two numbers."""
         b, lowest, highest = self._builder, self.spread(least), self.spread(most)
         for vector, pointer in zip(vectors, pointers, strict=True):
             raised = b.select(b.fcmp_ordered(">", vector, lowest), vector, lowest)
@@ -97,6 +101,7 @@ def _pointers(context: Any, builder: Any, signature: Any, arguments: Any) -> lis
 
 
 def _steps(builder: Any, pointer: Any, step: Any, count: int) -> list[Any]:
+    """`count` pointers, `step` numbers apart."""
     pointers = [pointer]
     for _ in range(count - 1):
         pointers.append(builder.gep(pointers[-1], [step]))
@@ -153,6 +158,9 @@ def _typed(write: Callable[[Any, int, list[Any]], None], lanes: int, kinds: tupl
         write(builder, lanes, _pointers(context, builder, signature, arguments))
         return context.get_dummy_value()
 
+    for kind in kinds:
+        if isinstance(kind, types.Array) and (kind.dtype, kind.layout) != (types.float32, "C"):
+            raise TypingError(f"a tile is given {kind}; its arrays must be flat float32")  # it would read rubbish
     given = (kind if isinstance(kind, (types.Array, types.Float)) else types.intp for kind in kinds)
     return types.void(*given), code
 
