@@ -40,11 +40,15 @@ _FLYING_M = 0.08
 """A pixel this far behind what is on its one side and before what is on its other is no thing: at an edge the sensor,
 or who filled its holes, took the middle."""
 
-_BETWEEN_PIXELS = 1.5
-_MAX_BETWEEN_M = 0.10
-_PER_METRE, _STEPS = 50.0, 700
-_TINY = np.float32(1e-6)
+_BETWEEN_PIXELS, _MAX_BETWEEN_M, _LEAST_BELOW_M = 1.5, 0.10, 0.05
+"""A level surface goes on behind its farthest pixel by so many distances of the picture's rows on it, at most by so
+much; the camera is taken to be no less than the last above it."""
 
+_PER_METRE, _STEPS = 50.0, 700
+"""Entries of the table of the noise per metre of depth, and all of them: up to 14 m."""
+
+_TINY = np.float32(1e-6)
+"""Least inverse depth in 1/m: pixels without depth are computed too, and passed over later."""
 
 (SEEN, HEIGHT, FLOOR_PIXELS, OBSTACLE, OBSTACLE_PIXELS, TOUCHED, FARTHEST, HOLE, BRIDGE, BLIND, FLYING) = range(11)
 """What is summed per cell; shares are of the cell's area.
@@ -289,113 +293,175 @@ def _spread(surface, reach, sums):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _sum_cells(inverse, hole_kind, labels, intrinsics, T, fit, walls, corner, shape, limits):  # type: ignore[no-untyped-def]
-    fx, fy, cx, cy = intrinsics
     distance, sigma = fit
     x0, y0, size = corner
     rows, cols = shape
-    lowest, factor, highest = limits
     height, width = inverse.shape
     sums = np.zeros((rows, cols, _SUMS), np.float32)
     sums[:, :, FARTHEST] = -np.inf
-    surface = np.zeros((rows * cols, _SIDES * _SIDES), np.float32)
+    # The parts of a cell are set to 0 when the first thing is seen there: of a large grid most are never touched.
+    surface = np.empty((rows * cols, _SIDES * _SIDES), np.float32)
     stands = np.zeros((rows * FINE, cols * FINE), np.bool_)
     kind = np.empty((height, width), np.uint8)
     cell = np.full((height, width), -1, np.int32)
-    per_pixel = np.float32(1.0 / (fx * fy * size * size))
-    per_metre = 1.0 / size
-    reach = _NEXT_TO_M * per_metre
-    whole = int(reach)
+    grid = (x0, y0, 1.0 / size, rows, cols)
+    fy = intrinsics[1]
+    per_pixel = np.float32(1.0 / (intrinsics[0] * fy * size * size))  # share of a cell that a pixel is at 1 m
     noise_at = _noise_table(sigma)
-    noise_32 = noise_at.astype(np.float32)
+    noise_32, limits_32 = noise_at.astype(np.float32), _limits_32(limits)
+    column = np.arange(width).astype(np.float32)
+    places = np.empty_like(column), np.empty_like(column), np.empty_like(column)
+    scratch = np.empty_like(column), np.empty_like(column), np.empty_like(column)
+    for v in range(height):
+        rays = _row_rays(T, intrinsics, v)
+        _row_places(inverse[v], column, rays, distance, walls, places)
+        _sort_row(inverse[v], labels[v], column, rays, distance, places, noise_32, limits_32, scratch, kind[v])
+        if _has_holes(hole_kind[v]):
+            _add_holes(hole_kind[v], rays, distance, grid, per_pixel, sums)
+        _add_row(
+            inverse[v], labels[v], rays, (distance, fy, per_pixel), places, noise_at, limits, grid,
+            kind[v], cell[v], (sums, surface, stands),
+        )  # fmt: skip
+    _spread(surface, _NEXT_TO_M / size, sums)
+    return sums, stands, kind, cell
+
+
+@njit(cache=True, nogil=True)
+def _limits_32(limits):  # type: ignore[no-untyped-def]
+    """Limits in float32, the highest height rounded down: a float32 is above it where it is above that in float64."""
+    lowest, factor, highest = limits
     highest_32 = np.float32(highest)
     highest_32 = highest_32 if highest_32 <= highest else np.nextafter(highest_32, np.float32(0.0))
-    column = np.arange(width).astype(np.float32)
-    depth, high, inside = np.empty_like(column), np.empty_like(column), np.empty_like(column)
-    noise, threshold, tolerance = np.empty_like(column), np.empty_like(column), np.empty_like(column)
-    for v in range(height):
-        ry = (v - cy) / fy
-        # the ray in floor axes, from the camera at height `distance`
-        ax0, ax1 = T[1, 0] * ry + T[2, 0] - T[0, 0] * cx / fx, T[0, 0] / fx
-        ay0, ay1 = T[1, 1] * ry + T[2, 1] - T[0, 1] * cx / fx, T[0, 1] / fx
-        az0, az1 = T[1, 2] * ry + T[2, 2] - T[0, 2] * cx / fx, T[0, 2] / fx
-        _row_heights(inverse[v], column, np.float32(distance), np.float32(az0), np.float32(az1), depth, high)
-        inside[:] = np.inf
-        for k in range(len(walls)):
-            a, b = walls[k, 0], walls[k, 1]
-            out, out_per_px = np.float32(a * ax0 + b * ay0), np.float32(a * ax1 + b * ay1)
-            _row_inside(depth, column, np.float32(walls[k, 2]), out, out_per_px, inside)
-        rays = (np.float32(ax0), np.float32(ax1), np.float32(ay0), np.float32(ay1))
-        _row_noise(depth, noise_32, noise)
-        _row_thresholds(depth, column, noise, rays, np.float32(lowest), np.float32(factor), threshold)
-        _row_tolerances(depth, noise, np.float32(_ON_WALL_SIGMAS / distance), tolerance)
-        kinds = kind[v]
-        _row_kinds(
-            inverse[v], high, inside, labels[v], threshold, tolerance, column, np.float32(az0), np.float32(az1),
-            highest_32, kinds,
-        )  # fmt: skip
-        _row_edges(inverse[v, :-4], inverse[v, 2:-2], inverse[v, 4:], kinds[2:-2])
-        if _has_holes(hole_kind[v]):
-            for u in range(width):
-                az = az0 + az1 * u
-                if hole_kind[v, u] == MEASURED or az >= _DOWN:
-                    continue
-                z = -distance / az
-                i = int(np.floor(((ay0 + ay1 * u) * z - y0) * per_metre))
-                j = int(np.floor(((ax0 + ax1 * u) * z - x0) * per_metre))
-                if 0 <= i < rows and 0 <= j < cols:
-                    which = BRIDGE if hole_kind[v, u] == BRIDGED else BLIND
-                    sums[i, j, which] += per_pixel * z * z * z / distance
-        for u in range(width):
-            what = np.int64(kinds[u])
-            if what in (NOTHING, WALL_PIXEL, BEYOND_PIXEL):
+    return np.float32(lowest), np.float32(factor), highest_32
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _row_rays(T, intrinsics, v):  # type: ignore[no-untyped-def]
+    """Rays of a row in floor axes (ahead, to the left, up): each that of pixel 0, and how much more per pixel."""
+    fx, fy, cx, cy = intrinsics
+    ry = (v - cy) / fy
+    return (
+        T[1, 0] * ry + T[2, 0] - T[0, 0] * cx / fx, T[0, 0] / fx,
+        T[1, 1] * ry + T[2, 1] - T[0, 1] * cx / fx, T[0, 1] / fx,
+        T[1, 2] * ry + T[2, 2] - T[0, 2] * cx / fx, T[0, 2] / fx,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def _row_places(inverse, column, rays, distance, walls, places):  # type: ignore[no-untyped-def]
+    """Write depth, height over the floor and how far before the nearest wall (inf without) the pixels of a row are."""
+    ax0, ax1, ay0, ay1, az0, az1 = rays
+    depth, high, inside = places
+    _row_heights(inverse, column, np.float32(distance), np.float32(az0), np.float32(az1), depth, high)
+    inside[:] = np.inf
+    for k in range(len(walls)):
+        a, b = walls[k, 0], walls[k, 1]
+        out, out_per_px = np.float32(a * ax0 + b * ay0), np.float32(a * ax1 + b * ay1)
+        _row_inside(depth, column, np.float32(walls[k, 2]), out, out_per_px, inside)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sort_row(inverse, labels, column, rays, distance, places, noise_at, limits, scratch, kinds):  # type: ignore[no-untyped-def]
+    """Write the kinds of a row of pixels, `_UNSURE` where float32 cannot tell them.
+
+    A pass over the row for each step, all float32: so each runs on vectors, which sort nearly all pixels.
+    """
+    ax0, ax1, ay0, ay1, az0, az1 = rays
+    depth, high, inside = places
+    lowest, factor, highest = limits
+    noise, threshold, tolerance = scratch
+    across = (np.float32(ax0), np.float32(ax1), np.float32(ay0), np.float32(ay1))
+    _row_noise(depth, noise_at, noise)
+    _row_thresholds(depth, column, noise, across, lowest, factor, threshold)
+    _row_tolerances(depth, noise, np.float32(_ON_WALL_SIGMAS / distance), tolerance)
+    _row_kinds(
+        inverse, high, inside, labels, threshold, tolerance, column, np.float32(az0), np.float32(az1), highest, kinds
+    )
+    _row_edges(inverse[:-4], inverse[2:-2], inverse[4:], kinds[2:-2])
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _foot(rays, u, distance, grid):  # type: ignore[no-untyped-def]
+    """Depth where the ray of a pixel meets the floor, and row and column of the cell there; a row below 0: outside."""
+    ax0, ax1, ay0, ay1, az0, az1 = rays
+    x0, y0, per_metre, rows, cols = grid
+    z = -distance / (az0 + az1 * u)
+    i = int(np.floor(((ay0 + ay1 * u) * z - y0) * per_metre))
+    j = int(np.floor(((ax0 + ax1 * u) * z - x0) * per_metre))
+    return z, i if i < rows and 0 <= j < cols else -1, j
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_holes(hole_kinds, rays, distance, grid, per_pixel, sums):  # type: ignore[no-untyped-def]
+    """Add the pixels of a row without depth to the cells that they would be floor of."""
+    for u in range(len(hole_kinds)):
+        if hole_kinds[u] == MEASURED or rays[4] + rays[5] * u >= _DOWN:
+            continue
+        z, i, j = _foot(rays, u, distance, grid)
+        if i >= 0:
+            which = BRIDGE if hole_kinds[u] == BRIDGED else BLIND
+            sums[i, j, which] += per_pixel * z * z * z / distance
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _add_row(inverse, labels, rays, camera, places, noise_at, limits, grid, kinds, cell, cells):  # type: ignore[no-untyped-def]
+    """Add the pixels of a row to the cells; write their final kinds, and the cells they count in."""
+    ax0, ax1, ay0, ay1, az0, az1 = rays
+    distance, fy, per_pixel = camera
+    depth, high, inside = places
+    sums, surface, stands = cells
+    lowest, factor, _ = limits
+    x0, y0, per_metre, rows, cols = grid
+    reach = _NEXT_TO_M * per_metre
+    whole, width = int(reach), len(kinds)
+    for u in range(width):
+        what = np.int64(kinds[u])
+        if what in (NOTHING, WALL_PIXEL, BEYOND_PIXEL):
+            continue
+        h, z, az = high[u], np.float64(depth[u]), az0 + az1 * u
+        x, y = (ax0 + ax1 * u) * z, (ay0 + ay1 * u) * z
+        if what == _UNSURE:
+            flies = 2 <= u < width - 2 and _flies(inverse[u - 2], inverse[u], inverse[u + 2])
+            on_clutter = labels[u] == CLUTTER
+            what = _kind(h, z, x, y, az, inside[u], on_clutter, flies, noise_at, (lowest, factor, distance))
+            kinds[u] = what
+        if what in (FLOOR_PIXEL, HOLE_PIXEL):
+            z, i, j = _foot(rays, u, distance, grid)
+            if i < 0:
                 continue
-            h, z, az = high[u], np.float64(depth[u]), az0 + az1 * u
-            x, y = (ax0 + ax1 * u) * z, (ay0 + ay1 * u) * z
-            if what == _UNSURE:
-                flies = 2 <= u < width - 2 and _flies(inverse[v, u - 2], inverse[v, u], inverse[v, u + 2])
-                on_clutter = labels[v, u] == CLUTTER
-                what = _kind(h, z, x, y, az, inside[u], on_clutter, flies, noise_at, (lowest, factor, distance))
-                kinds[u] = what
-            if what in (FLOOR_PIXEL, HOLE_PIXEL):
-                z = -distance / az
-                i = int(np.floor(((ay0 + ay1 * u) * z - y0) * per_metre))
-                j = int(np.floor(((ax0 + ax1 * u) * z - x0) * per_metre))
-                if i < 0 or j < 0 or i >= rows or j >= cols:
-                    continue
-                cell[v, u] = i * cols + j
-                share = per_pixel * z * z * z / distance
-                if what == HOLE_PIXEL:
-                    sums[i, j, HOLE] += share
-                    continue
-                sums[i, j, SEEN] += share
-                sums[i, j, HEIGHT] += h
-                sums[i, j, FLOOR_PIXELS] += np.float32(1.0)
-            elif what >= _FLYING_PIXEL:
-                kinds[u] = NOTHING if what == _FLYING_PIXEL else OBSTACLE_PIXEL
-                across, ahead = (y - y0) * per_metre, (x - x0) * per_metre
-                i, j = int(np.floor(across)), int(np.floor(ahead))
-                if i < 0 or j < 0 or i >= rows or j >= cols:
-                    continue
-                area = per_pixel * z * z
-                if what == _FLYING_PIXEL:
-                    sums[i, j, FLYING] += area
-                    continue
-                cell[v, u] = i * cols + j
-                sums[i, j, OBSTACLE_PIXELS] += np.float32(1.0)
-                stands[int(across * FINE), int(ahead * FINE)] = True
-                low_i, high_i = across - reach < i - whole, across + reach >= i + whole + 1
-                low_j, high_j = ahead - reach < j - whole, ahead + reach >= j + whole + 1
-                surface[i * cols + j, low_i << 3 | high_i << 2 | low_j << 1 | high_j] += np.float32(area)
-                # the next row of a level surface that is seen flat may be centimetres behind this one
-                between = _BETWEEN_PIXELS * z * z / (fy * max(distance - h, 0.05))
-                far = np.float32(np.sqrt(x * x + y * y) + min(between, _MAX_BETWEEN_M))
-                sums[i, j, FARTHEST] = max(sums[i, j, FARTHEST], far)
-                if what == _LOW_THING and az < _DOWN:
-                    z = -distance / az
-                    i = int(np.floor(((ay0 + ay1 * u) * z - y0) * per_metre))
-                    j = int(np.floor(((ax0 + ax1 * u) * z - x0) * per_metre))
-                    if 0 <= i < rows and 0 <= j < cols:
-                        sums[i, j, HEIGHT] += h
-                        sums[i, j, FLOOR_PIXELS] += np.float32(1.0)
-    _spread(surface, reach, sums)
-    return sums, stands, kind, cell
+            cell[u] = i * cols + j
+            share = per_pixel * z * z * z / distance
+            if what == HOLE_PIXEL:
+                sums[i, j, HOLE] += share
+                continue
+            sums[i, j, SEEN] += share
+            sums[i, j, HEIGHT] += h
+            sums[i, j, FLOOR_PIXELS] += np.float32(1.0)
+        elif what >= _FLYING_PIXEL:
+            kinds[u] = NOTHING if what == _FLYING_PIXEL else OBSTACLE_PIXEL
+            across, ahead = (y - y0) * per_metre, (x - x0) * per_metre
+            i, j = int(np.floor(across)), int(np.floor(ahead))
+            if i < 0 or j < 0 or i >= rows or j >= cols:
+                continue
+            area = per_pixel * z * z
+            if what == _FLYING_PIXEL:
+                sums[i, j, FLYING] += area
+                continue
+            cell[u] = i * cols + j
+            parts = surface[i * cols + j]
+            if sums[i, j, OBSTACLE_PIXELS] == 0.0:
+                parts[:] = 0.0
+            sums[i, j, OBSTACLE_PIXELS] += np.float32(1.0)
+            stands[int(across * FINE), int(ahead * FINE)] = True
+            low_i, high_i = across - reach < i - whole, across + reach >= i + whole + 1
+            low_j, high_j = ahead - reach < j - whole, ahead + reach >= j + whole + 1
+            parts[low_i << 3 | high_i << 2 | low_j << 1 | high_j] += np.float32(area)
+            # the next row of a level surface that is seen flat may be centimetres behind this one
+            between = _BETWEEN_PIXELS * z * z / (fy * max(distance - h, _LEAST_BELOW_M))
+            far = np.float32(np.sqrt(x * x + y * y) + min(between, _MAX_BETWEEN_M))
+            sums[i, j, FARTHEST] = max(sums[i, j, FARTHEST], far)
+            if what == _LOW_THING and az < _DOWN:
+                z, i, j = _foot(rays, u, distance, grid)
+                if i >= 0:
+                    sums[i, j, HEIGHT] += h
+                    sums[i, j, FLOOR_PIXELS] += np.float32(1.0)

@@ -38,19 +38,23 @@ def in_line_of_sight(
     return np.asarray(_in_line(grid, blind, *_directions(grid.shape, corner, blur), blur))
 
 
-@lru_cache(maxsize=1)  # a node has one grid, and a large one has many cells
+@lru_cache(maxsize=1)  # a node has one grid, and a large one has many cells (14 bytes each)
 def _directions(
     shape: tuple[int, ...], corner: tuple[float, float, float], blur: float
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Of each cell of a grid: distance (rows, cols) of its middle; first, last and middle direction (rows, cols, 3)."""
+) -> tuple[NDArray[np.float64], NDArray[np.int16]]:
+    """Of each cell of a grid: distance (rows, cols) of its middle; first, last and middle direction (rows, cols, 3).
+
+    Never written to: threads share them. Threads with unlike grids compute them anew in turn, with the same result.
+    """
     distance, beams = _cell_directions(shape[0], shape[1], corner, blur)
     return np.asarray(distance), np.asarray(beams)
 
 
 @njit(cache=True, nogil=True)
 def _cell_directions(rows, cols, corner, blur):  # type: ignore[no-untyped-def]
+    """Distance and directions of `_directions`; the first and last are those of a disc of `blur` m about the middle."""
     x0, y0, size = corner
-    distance, beams = np.empty((rows, cols)), np.empty((rows, cols, 3), np.int32)
+    distance, beams = np.empty((rows, cols)), np.empty((rows, cols, 3), np.int16)
     for i in range(rows):
         for j in range(cols):
             x, y = x0 + (j + 0.5) * size, y0 + (i + 0.5) * size
@@ -64,6 +68,7 @@ def _cell_directions(rows, cols, corner, blur):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _in_line(grid, blind, distance, beams, blur):  # type: ignore[no-untyped-def]
+    """Note per direction how near the first free cell is, then the first that counts; free cells before that remain."""
     rows, cols = grid.shape
     free_from, first = np.full(_BEAMS, np.inf), np.full(_BEAMS, np.inf)
     for look_for_free in (True, False):
@@ -91,4 +96,5 @@ def _in_line(grid, blind, distance, beams, blur):  # type: ignore[no-untyped-def
 
 @njit(cache=True, nogil=True)
 def _beam(bearing):  # type: ignore[no-untyped-def]
+    """Direction 0.._BEAMS-1 of a bearing in radians, from the right to the left."""
     return min(max(int((bearing / np.pi + 0.5) * _BEAMS), 0), _BEAMS - 1)
