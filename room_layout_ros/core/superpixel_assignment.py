@@ -11,8 +11,9 @@ them run in vector registers; where rows are left out, a tile has as many rows a
 
 _N = TILE_H * TILE_W
 
-MAX_CANDIDATES = 64
-"""Centres compared per tile; six bits of the packed cost."""
+_SLOT_BITS = 6
+MAX_CANDIDATES = 1 << _SLOT_BITS
+"""Centres compared per tile; the lowest bits of the packed cost tell which."""
 
 # columns of a centre
 X, Y, CL, CA, CB, PA, PB, PC, KW, CAP, GA, GB = range(12)
@@ -24,6 +25,9 @@ L_SCALE, AB_OFFSET = np.float32(100.0 / 255.0), np.float32(128.0)
 _COST_STEPS = np.float32(2.0**14)
 """Per unit of energy: a power of two, so that weights times it round as without."""
 _COST_LIMIT = np.float32(2.0**10 - 1.0) * _COST_STEPS
+_WORST = 2**31 - 1
+"""Above every packed cost."""
+
 _GRADIENT_CAP = np.float32(16.0) * _COST_STEPS
 
 
@@ -75,7 +79,8 @@ def first_row(step, rows):  # type: ignore[no-untyped-def]
 def _read_tiles(lab, w, first, step, row, tiles):  # type: ignore[no-untyped-def]
     """Write L, a, b and inverse depth of a strip's pixels into `tiles` (n, 6, _N); rows beyond the image stay.
 
-    A row is converted as a whole, into `row` (4, n TILE_W), in vector registers, and then copied two pixels at a time.
+    A row is converted as a whole, into `row` (4, n TILE_W), in vector registers, and then copied two float32 at a time,
+    as one int64. Beyond the image's width `row` is 0.
     """
     pairs, pairs_of_tiles = row.view(np.int64), tiles.view(np.int64)
     for i in range(TILE_H):
@@ -158,7 +163,7 @@ def assign(lab, w, gradient, centers, lists, count, step, row_px, weights, index
             t, x0 = strip * across + tx, tx * TILE_W
             pixel = tiles[tx]
             for p in range(_N):
-                best[p] = 2**31 - 1
+                best[p] = _WORST
                 lab2 = pixel[0, p] * pixel[0, p] + pixel[1, p] * pixel[1, p] + pixel[2, p] * pixel[2, p]
                 own[p] = space * (px[p] * px[p] + py[p] * py[p]) + color * lab2
             if by_gradient:
@@ -184,9 +189,9 @@ def assign(lab, w, gradient, centers, lists, count, step, row_px, weights, index
                     linear = kx * px[p] + ky * py[p] + kl * pixel[0, p] + ka * pixel[1, p] + kb * pixel[2, p]
                     cost = own[p] + k0 - linear + fit
                     cost = _COST_LIMIT if cost > _COST_LIMIT else cost
-                    packed = np.int32((np.int32(cost) << 6) | slot)
+                    packed = np.int32((np.int32(cost) << _SLOT_BITS) | slot)
                     best[p] = packed if packed < best[p] else best[p]
             for i in range(min(TILE_H, (height - first - phase + step - 1) // step)):
                 y = first + phase + i * step
                 for j in range(min(TILE_W, width - x0)):
-                    index[y, x0 + j] = lists[t, best[i * TILE_W + j] & 63]
+                    index[y, x0 + j] = lists[t, best[i * TILE_W + j] & (MAX_CANDIDATES - 1)]

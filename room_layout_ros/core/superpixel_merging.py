@@ -10,6 +10,15 @@ from .superpixel_sums import plane_sse, plane_sse_of_both, plane_variance
 _BLOCK = 32
 """Costs of which the least is kept, so that after a change few have to be looked at."""
 
+_DEPTH_CAP = 100.0
+"""In variances of the depth: a step between two superpixels costs no more for being larger."""
+
+_AREA_COST = 1e-9
+"""Per pixel: of pairs that are all alike the smallest are joined first, and no cost is 0."""
+
+_FIRST_COLOR, _AFTER_COLOR = 3, 6
+"""Columns of the mean Lab in the sums."""
+
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def merge_superpixels(sums, edges, wanted, color, depth, noise, noise_quantum, power):  # type: ignore[no-untyped-def]
@@ -89,7 +98,10 @@ def _edges_of_nodes(ends, count):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _least(bits, block):  # type: ignore[no-untyped-def]
-    """Least cost of a block, none below 0, by their bits: whole numbers run in vector registers."""
+    """Bits of the least cost of a block: they are in the order of the costs, of which none is below 0.
+
+    Minima of whole numbers run in vector registers, those of float64 do not (NaN).
+    """
     least = bits[block * _BLOCK]
     for e in range(block * _BLOCK, min((block + 1) * _BLOCK, len(bits))):
         least = min(least, bits[e])
@@ -98,7 +110,7 @@ def _least(bits, block):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _first_least(bits, low):  # type: ignore[no-untyped-def]
-    """Place of the first of the least costs, given the least of each block."""
+    """Place of the first of the least costs, given the bits of the least of each block."""
     least, block = low[0], 0
     for k in range(len(low)):
         least = min(least, low[k])
@@ -112,10 +124,11 @@ def _first_least(bits, low):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _pair_cost(sums, sse, a, b, color, depth, noise, noise_quantum, power):  # type: ignore[no-untyped-def]
+    """Cost of joining two superpixels, see `merge_superpixels`; the area counts with a power of its own."""
     n, m = sums[a, 0], sums[b, 0]
     weight = (n * m / (n + m)) ** power
     difference = 0.0
-    for c in range(3, 6):
+    for c in range(_FIRST_COLOR, _AFTER_COLOR):
         difference += (sums[a, c] / n - sums[b, c] / m) ** 2
     cost = weight * color * difference
     in_a, in_b = sums[a, 9], sums[b, 9]
@@ -124,5 +137,5 @@ def _pair_cost(sums, sse, a, b, color, depth, noise, noise_quantum, power):  # t
         w = (sums[a, 15] + sums[b, 15]) / (in_a + in_b)
         variance = plane_variance(w, noise, noise_quantum)
         pairs = in_a * in_b / (in_a + in_b)
-        cost += weight * depth * min(growth / (variance * pairs), 100.0)
-    return cost + 1e-9 * (n + m)
+        cost += weight * depth * min(growth / (variance * pairs), _DEPTH_CAP)
+    return cost + _AREA_COST * (n + m)

@@ -46,7 +46,8 @@ ORIENTATION = 25
 N_SUMS = 31
 
 _HALF, _THIRD, _FIFTH = 32, 21, 12
-"""Bits of a sum of which two, three or five are packed in an int64: room for runs of 8190 pixels, every second one."""
+"""Bits of a sum of which two, three or five are packed in an int64: room for runs of 8190 pixels, every second one.
+Running sums of a row may overflow: their differences are right all the same, for whole numbers wrap around."""
 _IN_HALF, _IN_THIRD, _IN_FIFTH = 2**_HALF - 1, 2**_THIRD - 1, 2**_FIFTH - 1
 
 N_BOUNDS = 10
@@ -94,6 +95,8 @@ def _sum(index, count, lab, has_color, border, inverse, faces, matrix):  # type:
     has_depth, has_faces = inverse.shape[0] > 1, faces.shape[0] > 1
     rows, cols = lab[0].shape
     n = width // STRIDE
+    if n == 0:  # one pixel wide: there is no second pixel
+        return sums, bounds
     colors, named = np.zeros((4, cols + 1), np.int64), np.zeros(n + 1, np.int64)
     depth, points = np.zeros((2, n)), np.zeros((3, n), np.float32)
     starts = np.empty(n + 1, np.int32)
@@ -119,7 +122,10 @@ def _sum(index, count, lab, has_color, border, inverse, faces, matrix):  # type:
 
 @njit(cache=True, nogil=True)
 def _find_runs(index, starts):  # type: ignore[no-untyped-def]
-    """Write where the runs of a row start, in strides, and its end; return how many there are. No branches."""
+    """Write where the runs of a row start, in strides, and its end; return how many there are.
+
+    Each place is written where the next start belongs, and stays if it is one: no branch that a processor cannot guess.
+    """
     starts[0], n = 0, 1
     for k in range(1, len(starts) - 1):
         starts[n] = k
@@ -130,6 +136,7 @@ def _find_runs(index, starts):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _add_places(s, b, labels, starts, runs, y):  # type: ignore[no-untyped-def]
+    """Add number, positions and their products of the runs of a row in closed form, and widen the image boxes."""
     for run in range(runs):
         first, last = starts[run] * STRIDE, (starts[run + 1] - 1) * STRIDE
         i, n = labels[first], starts[run + 1] - starts[run]
@@ -146,8 +153,8 @@ def _add_places(s, b, labels, starts, runs, y):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _color_row(lightness, a, b, row, colors):  # type: ignore[no-untyped-def]
-    """Write what the pixels of a row but its first and last add up to into `colors`: L, a and b; the squares of L and
-    a; that of b and the fine structure; the gradients.
+    """Write what the pixels of a row but its first and last add up to into `colors` (4, cols + 1): L, a and b; the
+    squares of L and a; that of b and the fine structure; the gradients.
 
     Column k + 1 is for all pixels up to k. One loop for each: the compiler gives vectors up where it would have to tell
     many arrays apart.
@@ -196,7 +203,10 @@ def _add_colors(s, labels, starts, runs, colors, low, high):  # type: ignore[no-
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _point_row(inverse, y, matrix, depth, points):  # type: ignore[no-untyped-def]
-    """Write z and x z of the pixels of a row into `depth`, 0 where not measured, and X, Y, Z, or NaN, into `points`."""
+    """Write z and x z of the pixels of a row into `depth`, 0 where not measured, and X, Y, Z, or NaN, into `points`.
+
+    One loop for each, as in `_color_row`.
+    """
     k0 = matrix[0, 1] * y + matrix[0, 2]
     k1 = matrix[1, 1] * y + matrix[1, 2]
     k2 = matrix[2, 1] * y + matrix[2, 2]
@@ -262,6 +272,7 @@ def _name_row(faces, named):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _add_names(s, labels, starts, runs, named):  # type: ignore[no-untyped-def]
+    """Add how many pixels of each run have each id of the orientation map; those of id 0 are the rest."""
     for run in range(runs):
         i, first, end = labels[starts[run] * STRIDE], starts[run], starts[run + 1]
         none, counts = end - first, named[end] - named[first]

@@ -182,7 +182,8 @@ def _look(values, relative, offsets, aspect):  # type: ignore[no-untyped-def]
 def _nearest(x, y, px, py, apart):  # type: ignore[no-untyped-def]
     """Index of the first of the nearest of the points (x, y): distances in vector registers first, into `apart`.
 
-    The least one is sought by their bits, as that of whole numbers: minima of these run in vector registers too.
+    The least one is sought by their bits, which are in the order of the numbers where none is below 0: minima of whole
+    numbers run in vector registers, those of float32 do not (NaN).
     """
     for j in range(len(x)):
         dx, dy = x[j] - px, y[j] - py
