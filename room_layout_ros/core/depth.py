@@ -31,7 +31,7 @@ MAD_TO_SIGMA = 1.4826
 """Standard deviation of normal noise over its median absolute deviation."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True)  # without slots, in which nothing could be kept: `moments` are made once, when asked for
 class DepthGeometry:
     """What the depth image says, before any room is assumed.
 

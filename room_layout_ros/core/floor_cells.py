@@ -40,6 +40,9 @@ _FLYING_M = 0.08
 """A pixel this far behind what is on its one side and before what is on its other is no thing: at an edge the sensor,
 or who filled its holes, took the middle."""
 
+_BESIDE_PX = 2
+"""A flying pixel is told by those so many columns beside it."""
+
 _BETWEEN_PIXELS, _MAX_BETWEEN_M, _LEAST_BELOW_M = 1.5, 0.10, 0.05
 """A level surface goes on behind its farthest pixel by so many distances of the picture's rows on it, at most by so
 much; the camera is taken to be no less than the last above it."""
@@ -170,7 +173,9 @@ def _row_inside(depth, column, reach, out, out_per_px, inside):  # type: ignore[
 
 @njit(cache=True, nogil=True)
 def _row_noise(depth, noise_at, noise):  # type: ignore[no-untyped-def]
-    """Write the noise of the height of a row of pixels, NaN where float32 cannot tell its step of depth."""
+    """Write the noise of the height of a row of pixels, NaN where float32 cannot tell its step of depth: within a
+    thousandth of a step of its ends.
+    """
     for u in range(len(depth)):
         step = depth[u] * np.float32(_PER_METRE)
         step = step if step < np.float32(_STEPS - 1) else np.float32(_STEPS - 1)
@@ -182,7 +187,7 @@ def _row_noise(depth, noise_at, noise):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _row_thresholds(depth, column, noise, rays, lowest, factor, threshold):  # type: ignore[no-untyped-def]
-    """Write from which height on pixels of a row are things, NaN where that is not sure.
+    """Write from which height on pixels of a row are things, NaN where that is not sure: at `_NEAR_M`, where it jumps.
 
     Near the camera a thing covers many more pixels than a ripple of the noise: a lower threshold does.
     """
@@ -227,7 +232,10 @@ def _row_kinds(inverse, high, inside, labels, threshold, tolerance, column, az, 
 
 @njit(cache=True, nogil=True)
 def _row_edges(left, here, right, kinds):  # type: ignore[no-untyped-def]
-    """Things and walls may be flying pixels where the depth falls or rises through them: not sure."""
+    """Things and walls may be flying pixels where the depth falls or rises through them: not sure.
+
+    By a little less than `_FLYING_M`, for float32.
+    """
     for u in range(len(here)):
         step = np.float32(0.99 * _FLYING_M) * here[u] * here[u]
         from_left, to_right = left[u] - here[u], here[u] - right[u]
@@ -377,7 +385,8 @@ def _sort_row(inverse, labels, column, rays, distance, places, noise_at, limits,
     _row_kinds(
         inverse, high, inside, labels, threshold, tolerance, column, np.float32(az0), np.float32(az1), highest, kinds
     )
-    _row_edges(inverse[:-4], inverse[2:-2], inverse[4:], kinds[2:-2])
+    left, here, right = inverse[: -2 * _BESIDE_PX], inverse[_BESIDE_PX:-_BESIDE_PX], inverse[2 * _BESIDE_PX :]
+    _row_edges(left, here, right, kinds[_BESIDE_PX:-_BESIDE_PX])
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -403,7 +412,7 @@ def _add_holes(hole_kinds, rays, distance, grid, per_pixel, sums):  # type: igno
             sums[i, j, which] += per_pixel * z * z * z / distance
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")  # a call would hand over all these arrays per row
 def _add_row(inverse, labels, rays, camera, places, noise_at, limits, grid, kinds, cell, cells):  # type: ignore[no-untyped-def]
     """Add the pixels of a row to the cells; write their final kinds, and the cells they count in."""
     ax0, ax1, ay0, ay1, az0, az1 = rays
@@ -421,7 +430,8 @@ def _add_row(inverse, labels, rays, camera, places, noise_at, limits, grid, kind
         h, z, az = high[u], np.float64(depth[u]), az0 + az1 * u
         x, y = (ax0 + ax1 * u) * z, (ay0 + ay1 * u) * z
         if what == _UNSURE:
-            flies = 2 <= u < width - 2 and _flies(inverse[u - 2], inverse[u], inverse[u + 2])
+            inner = _BESIDE_PX <= u < width - _BESIDE_PX
+            flies = inner and _flies(inverse[u - _BESIDE_PX], inverse[u], inverse[u + _BESIDE_PX])
             on_clutter = labels[u] == CLUTTER
             what = _kind(h, z, x, y, az, inside[u], on_clutter, flies, noise_at, (lowest, factor, distance))
             kinds[u] = what
@@ -448,14 +458,14 @@ def _add_row(inverse, labels, rays, camera, places, noise_at, limits, grid, kind
                 sums[i, j, FLYING] += area
                 continue
             cell[u] = i * cols + j
-            parts = surface[i * cols + j]
             if sums[i, j, OBSTACLE_PIXELS] == 0.0:
-                parts[:] = 0.0
+                for k in range(_SIDES * _SIDES):
+                    surface[i * cols + j, k] = 0.0
             sums[i, j, OBSTACLE_PIXELS] += np.float32(1.0)
             stands[int(across * FINE), int(ahead * FINE)] = True
             low_i, high_i = across - reach < i - whole, across + reach >= i + whole + 1
             low_j, high_j = ahead - reach < j - whole, ahead + reach >= j + whole + 1
-            parts[low_i << 3 | high_i << 2 | low_j << 1 | high_j] += np.float32(area)
+            surface[i * cols + j, low_i << 3 | high_i << 2 | low_j << 1 | high_j] += np.float32(area)
             # the next row of a level surface that is seen flat may be centimetres behind this one
             between = _BETWEEN_PIXELS * z * z / (fy * max(distance - h, _LEAST_BELOW_M))
             far = np.float32(np.sqrt(x * x + y * y) + min(between, _MAX_BETWEEN_M))

@@ -9,16 +9,24 @@ from numpy.typing import NDArray
 from .floor_cells import FREE_CELL, OBSTACLE_PIXEL, UNKNOWN_CELL
 from .frame import CameraIntrinsics
 
-_STEP_M = 0.05
-_MIN_HIDDEN = 4
+_STEP_M, _MIN_HIDDEN = 0.05, 4
+"""The space above a corner is looked at so far apart; hidden it is when so many looks meet something before it."""
+
 _COVER_M = (0.08, 0.5)
 """What stands this far before the space above a cell hides what may hang there."""
 
 _CUT_M = -0.3
 """What is cut off by the side of the picture may come this much nearer beyond it."""
 
+_NEAREST_Z_M = 0.1
+"""Nearer points are not looked at: they have no place in the picture."""
+
 _TILE_PX = 8
 """Side of the tiles of which the nearest pixel is known."""
+
+_EVEN_DEPTHS, _SPREAD = 1.2, 1.5
+"""Looks are about evenly apart in the picture where the depths of the highest and lowest differ by less than this part;
+then no two gaps differ by more than the second."""
 
 
 def hide_overhung(
@@ -94,7 +102,7 @@ def _may_hide(nearest, shape, low, high, steps, intrinsics):  # type: ignore[no-
     """
     fx, fy, cx, cy = intrinsics
     height, width = shape
-    if min(low[2], high[2]) < 0.1:
+    if min(low[2], high[2]) < _NEAREST_Z_M:
         return True
     u0, u1 = low[0] / low[2] * fx + cx, high[0] / high[2] * fx + cx
     v0, v1 = low[1] / low[2] * fy + cy, high[1] / high[2] * fy + cy
@@ -104,8 +112,8 @@ def _may_hide(nearest, shape, low, high, steps, intrinsics):  # type: ignore[no-
     first, last = int(min(max(left, 0.0), width - 1.0)), int(min(max(right, 0.0), width - 1.0))
     after = int(min(bottom, height - 1.0)) // _TILE_PX + 1
     # The lowest tile holds nearer floor. Too few looks fall into it to matter, as long as they are evenly apart.
-    even = max(low[2], high[2]) < 1.2 * min(low[2], high[2])
-    if even and not cut and 1.5 * (_TILE_PX + 2) * (steps - 1) < (_MIN_HIDDEN - 1) * abs(v1 - v0):
+    even = max(low[2], high[2]) < _EVEN_DEPTHS * min(low[2], high[2])
+    if even and not cut and _SPREAD * (_TILE_PX + 2) * (steps - 1) < (_MIN_HIDDEN - 1) * abs(v1 - v0):
         after -= 1
     for j in range(first // _TILE_PX, last // _TILE_PX + 1):
         if _some_above(nearest[j, int(max(top, 0.0)) // _TILE_PX : after], farther):
@@ -125,10 +133,10 @@ def _some_above(values, bound):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _covered(grid, inverse, kind, intrinsics, T, corner, robot_height, margin):  # type: ignore[no-untyped-def]
     """Corners (rows + 1, cols + 1) of free cells over which something nearer hides part of the space."""
-    fx, fy, cx, cy = intrinsics
+    fx, cx = intrinsics[0], intrinsics[2]
     x0, y0, size = corner
     rows, cols = grid.shape
-    height, width = inverse.shape
+    width = inverse.shape[1]
     steps = int(robot_height / _STEP_M)
     nearest = _nearest_of_tiles(inverse)
     free, covered = _free_corners(grid), np.zeros((rows + 1, cols + 1), np.bool_)
@@ -143,7 +151,7 @@ def _covered(grid, inverse, kind, intrinsics, T, corner, robot_height, margin): 
                     x, y = x * farther, y * farther
                 px, py = T[0, 0] * x + T[0, 1] * y + T[0, 3], T[1, 0] * x + T[1, 1] * y + T[1, 3]
                 pz = T[2, 0] * x + T[2, 1] * y + T[2, 3]
-                foot = px / max(pz, 0.1) * fx + cx
+                foot = px / max(pz, _NEAREST_Z_M) * fx + cx
                 if covered[i, j] or (place == 1 and 0 <= foot <= width - 1):
                     break
                 low = (px + T[0, 2] * _STEP_M, py + T[1, 2] * _STEP_M, pz + T[2, 2] * _STEP_M)
@@ -151,26 +159,38 @@ def _covered(grid, inverse, kind, intrinsics, T, corner, robot_height, margin): 
                 high = (px + T[0, 2] * top, py + T[1, 2] * top, pz + T[2, 2] * top)
                 if not _may_hide(nearest, inverse.shape, low, high, steps, intrinsics):
                     continue
-                hidden = 0
-                for k in range(1, steps + 1):
-                    h = k * _STEP_M
-                    z = pz + T[2, 2] * h
-                    if z < 0.1:
-                        continue
-                    w = 1.0 / z
-                    u = int(np.rint((px + T[0, 2] * h) * w * fx + cx))
-                    v = int(np.rint((py + T[1, 2] * h) * w * fy + cy))
-                    # What the side of the picture cuts off goes on beyond it, and may be the thing right here.
-                    cut = u < 0 or u >= width
-                    u = min(max(u, 0), width - 1)
-                    if v < 0 or v >= height or inverse[v, u] <= 0.0:
-                        continue
-                    # how far it stands before the space: z - 1 / inverse, without a division
-                    goes_on = cut and kind[v, u] == OBSTACLE_PIXEL
-                    least, most = z - (_CUT_M if goes_on else _COVER_M[0]), z - _COVER_M[1]
-                    if least * inverse[v, u] > 1.0 and most * inverse[v, u] < 1.0:
-                        hidden += 2 if goes_on else 1
-                        if hidden >= _MIN_HIDDEN:
-                            covered[i, j] = True
-                            break
+                covered[i, j] = _is_hidden(inverse, kind, intrinsics, (px, py, pz), (T[0, 2], T[1, 2], T[2, 2]), steps)
     return covered
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _is_hidden(inverse, kind, intrinsics, foot, up, steps):  # type: ignore[no-untyped-def]
+    """Whether enough of the looks at the space over a place meet something that stands before it.
+
+    `foot`, `up` : camera frame, of the place on the floor, m, and of one metre up.
+    """
+    fx, fy, cx, cy = intrinsics
+    px, py, pz = foot
+    height, width = inverse.shape
+    hidden = 0
+    for k in range(1, steps + 1):
+        h = k * _STEP_M
+        z = pz + up[2] * h
+        if z < _NEAREST_Z_M:
+            continue
+        w = 1.0 / z
+        u = int(np.rint((px + up[0] * h) * w * fx + cx))
+        v = int(np.rint((py + up[1] * h) * w * fy + cy))
+        # What the side of the picture cuts off goes on beyond it, and may be the thing right here.
+        cut = u < 0 or u >= width
+        u = min(max(u, 0), width - 1)
+        if v < 0 or v >= height or inverse[v, u] <= 0.0:
+            continue
+        # how far it stands before the space: z - 1 / inverse, without a division
+        goes_on = cut and kind[v, u] == OBSTACLE_PIXEL
+        least, most = z - (_CUT_M if goes_on else _COVER_M[0]), z - _COVER_M[1]
+        if least * inverse[v, u] > 1.0 and most * inverse[v, u] < 1.0:
+            hidden += 2 if goes_on else 1
+            if hidden >= _MIN_HIDDEN:
+                return True
+    return False

@@ -9,10 +9,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .depth import DepthGeometry
-from .floor_cells import OBSTACLE_PIXEL, WALL_PIXEL, FloorCells
+from .floor_cells import OBSTACLE_PIXEL, OCCUPIED_CELL, UNKNOWN_CELL, WALL_PIXEL, FloorCells
 
 _MIN_HITS = 3
+"""So many pixels make a range: the last of them is it."""
+
 _STRIDE = 2
+"""Every second row and column is looked at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +80,22 @@ def _row_beams(column, ahead, ahead_per_px, across, across_per_px, first, per_be
 
 @njit(cache=True, nogil=True)
 def _cast(inverse, intrinsics, T, kind, cell, grid, fan, corner):  # type: ignore[no-untyped-def]
+    """Ranges (beams,) float32 of `RangeScan`: of pixels, then of cells that no pixel tells of."""
+    ranges = _pixel_ranges(inverse, intrinsics, T, kind, cell, grid, fan)
+    known = _add_cells(ranges, grid, fan, corner)
+    for beam in range(len(ranges)):
+        if not known[beam] and ranges[beam] == np.inf:
+            ranges[beam] = np.nan
+    return ranges.astype(np.float32)
+
+
+@njit(cache=True, nogil=True)
+def _pixel_ranges(inverse, intrinsics, T, kind, cell, grid, fan):  # type: ignore[no-untyped-def]
+    """Distance (beams,) of the `_MIN_HITS`-th nearest pixel of walls and of things in occupied cells; inf without."""
     fx, fy, cx, cy = intrinsics
     first, increment, beams = fan
-    x0, y0, size, cols = corner
     per_beam = 1.0 / increment
     nearest = np.full((beams, _MIN_HITS), np.inf)
-    known = np.zeros(beams, np.bool_)
     height, width = inverse.shape
     column = np.arange(0.0, width, _STRIDE)
     beam_of = np.empty(len(column), np.int32)
@@ -95,22 +108,30 @@ def _cast(inverse, intrinsics, T, kind, cell, grid, fan, corner):  # type: ignor
             what = kind[v, u]
             if what != OBSTACLE_PIXEL and what != WALL_PIXEL:
                 continue
-            if what == OBSTACLE_PIXEL and (cell[v, u] < 0 or grid[cell[v, u]] != 100):
+            if what == OBSTACLE_PIXEL and (cell[v, u] < 0 or grid[cell[v, u]] != OCCUPIED_CELL):
                 continue
             beam = beam_of[u // _STRIDE]
             if beam < 0 or beam >= beams:
                 continue
             ax, ay = ax0 + T[0, 0] / fx * u, ay0 + T[0, 1] / fx * u
-            most = nearest[beam, _MIN_HITS - 1] * inverse[v, u]
+            most = nearest[beam, _MIN_HITS - 1] * inverse[v, u]  # of the ray, so that few need a root and a division
             if ax * ax + ay * ay >= most * most:
                 continue
             r = np.sqrt(ax * ax + ay * ay) / inverse[v, u]
             for k in range(_MIN_HITS):
                 if r < nearest[beam, k]:
                     nearest[beam, k], r = r, nearest[beam, k]
-    ranges = nearest[:, _MIN_HITS - 1].copy()
+    return nearest[:, _MIN_HITS - 1].copy()
+
+
+@njit(cache=True, nogil=True)
+def _add_cells(ranges, grid, fan, corner):  # type: ignore[no-untyped-def]
+    """Shorten ranges to occupied cells before them; return in which directions any cell is known (beams,) bool."""
+    first, increment, beams = fan
+    x0, y0, size, cols = corner
+    known = np.zeros(beams, np.bool_)
     for index in range(len(grid)):
-        if grid[index] < 0:
+        if grid[index] == UNKNOWN_CELL:
             continue
         x, y = x0 + (index % cols + 0.5) * size, y0 + (index // cols + 0.5) * size
         r = np.sqrt(x * x + y * y)
@@ -120,9 +141,6 @@ def _cast(inverse, intrinsics, T, kind, cell, grid, fan, corner):  # type: ignor
         for beam in range(low, high + 1):
             known[beam] = True
             # a low thing found by the mean of its cell alone, a hole, a wall that is hidden
-            if grid[index] == 100 and r + size < ranges[beam]:
+            if grid[index] == OCCUPIED_CELL and r + size < ranges[beam]:
                 ranges[beam] = r
-    for beam in range(beams):
-        if not known[beam] and ranges[beam] == np.inf:
-            ranges[beam] = np.nan
-    return ranges.astype(np.float32)
+    return known
