@@ -20,10 +20,10 @@ from room_layout_ros.core.evidence.geometric_context import (
     save_context,
 )
 from room_layout_ros.core.evidence.orientation_map import compute_orientation_map, orientation_channels
-from room_layout_ros.core.evidence.pixel_statistics import MEASURED, X, Z, sum_pixels
+from room_layout_ros.core.evidence.pixel_statistics import MEASURED, ORIENTATION, X, Z, sum_pixels
 from room_layout_ros.core.evidence.surroundings import _neighbour_means, look_around
 from room_layout_ros.core.forest import Forest
-from room_layout_ros.core.frame import CameraIntrinsics
+from room_layout_ros.core.frame import MAX_SIDE_PX, CameraIntrinsics
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.lines import LineSegments, classify_segments
 from room_layout_ros.core.models import config_folder, model_file
@@ -139,6 +139,14 @@ def test_sums_over_pixels_equal_the_naive_ones(scene: Scene) -> None:
     seen = sums[:, 0] > 0
     assert (bounds[seen, 1] >= bounds[seen, 0]).all()
     assert np.isnan(bounds[~seen]).all()
+
+
+def test_orientations_are_counted_in_the_widest_image() -> None:
+    """A run of 4096 pixels is more than its packed sums hold at once."""
+    camera = CameraIntrinsics(MAX_SIDE_PX, 2, 500.0, 500.0, 4000.0, 1.0)
+    index, faces = np.zeros((2, MAX_SIDE_PX), np.int32), np.full((2, MAX_SIDE_PX), 3, np.uint8)
+    sums, _ = sum_pixels(index, 1, None, None, faces, np.eye(3), camera)
+    assert sums[0, ORIENTATION : ORIENTATION + 6].tolist() == [0, 0, 0, MAX_SIDE_PX // 2, 0, 0]
 
 
 def test_features_know_where_a_face_is(scene: Scene) -> None:

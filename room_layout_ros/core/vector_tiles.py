@@ -23,7 +23,16 @@ FILTERS = ((3, 1), (3, 2), (5, 1), (5, 2))
 """Sizes and strides that filters have."""
 HALF_LANES = 8
 """Channels come in multiples of this."""
-LANES = 16 if binding.get_host_cpu_features().get("avx512f") else HALF_LANES
+
+
+def _has_wide_registers() -> bool:
+    try:
+        return bool(binding.get_host_cpu_features().get("avx512f"))
+    except RuntimeError:  # LLVM does not know the features of every CPU
+        return False
+
+
+LANES = 16 if _has_wide_registers() else HALF_LANES
 """Channels of a tile: as wide as the registers, which must hold a tile."""
 
 _FLOAT = ir.FloatType()

@@ -47,6 +47,7 @@ N_SUMS = 31
 
 _HALF, _THIRD, _FIFTH = 32, 21, 12
 """Bits of a sum of which two, three or five are packed in an int64: room for runs of 8190 pixels, every second one.
+(Five have no bit to spare: longer runs are taken in parts.)
 Running sums of a row may overflow: their differences are right all the same, for whole numbers wrap around."""
 _IN_HALF, _IN_THIRD, _IN_FIFTH = 2**_HALF - 1, 2**_THIRD - 1, 2**_FIFTH - 1
 
@@ -274,13 +275,15 @@ def _name_row(faces, named):  # type: ignore[no-untyped-def]
 def _add_names(s, labels, starts, runs, named):  # type: ignore[no-untyped-def]
     """Add how many pixels of each run have each id of the orientation map; those of id 0 are the rest."""
     for run in range(runs):
-        i, first, end = labels[starts[run] * STRIDE], starts[run], starts[run + 1]
-        none, counts = end - first, named[end] - named[first]
-        for face in range(1, 6):
-            n = counts >> _FIFTH * (face - 1) & _IN_FIFTH
-            s[i, ORIENTATION + face] += n
-            none -= n
-        s[i, ORIENTATION] += none
+        i = labels[starts[run] * STRIDE]
+        for first in range(starts[run], starts[run + 1], _IN_FIFTH):
+            end = min(first + _IN_FIFTH, starts[run + 1])
+            none, counts = end - first, named[end] - named[first]
+            for face in range(1, 6):
+                n = counts >> _FIFTH * (face - 1) & _IN_FIFTH
+                s[i, ORIENTATION + face] += n
+                none -= n
+            s[i, ORIENTATION] += none
 
 
 def count_lines(
