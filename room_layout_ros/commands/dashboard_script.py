@@ -52,7 +52,13 @@ function ranges(traces) {
   };
   return {x: range("x"), y: range("y"), z: range("z")};
 }
+function keepView() {
+  // Plotly notes the view before the mouse's wheel has moved it: the last notch would be lost with the next frame.
+  const plot = $("room");
+  plot._fullLayout?.scene?._scene?.saveLayout(plot.layout);
+}
 function drawRoom(state) {
+  keepView();
   const traces = [...FACES.flatMap(face => faceTraces(face, state.polygons)), CAMERA, cloudTrace(state.cloud)];
   const range = ranges(traces), unit = state.metric === null ? "" : state.metric ? " [m]" : " [front wall = 1]";
   const side = (name, key) =>
