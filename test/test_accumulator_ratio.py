@@ -20,6 +20,10 @@ def test_accumulators_agree_and_inference_asks_a_thousand_times_faster_than_naiv
 
 
 def test_a_slower_inference_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The gate is on what inference does: counting every pixel instead of one in five fails it."""
+    """The figure is of what inference does: counting every pixel instead of one in five halves it.
+
+    (Between 540 and 1200 then, by the machine and what else it does, so the gate of 1000 alone is no test of that.)
+    """
+    as_it_is = accumulators.run(rounds=1)[accumulators.INFERENCE]
     monkeypatch.setattr(accumulators, "STEP", 1)
-    assert accumulators.run(rounds=1)[accumulators.INFERENCE] < 1000
+    assert accumulators.run(rounds=1)[accumulators.INFERENCE] < 0.8 * as_it_is
