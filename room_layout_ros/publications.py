@@ -62,7 +62,7 @@ class Publications:
         """Encode and publish what has a listener; free space is computed while pictures are encoded."""
         wanted = [(output, publisher) for output, publisher in self._outputs if self._is_wanted(publisher)]
         on_floor, floor_wanted = False, any(output.needs_floor for output, _ in wanted)
-        with StageClock().beside("free space", scene.find_floor) if floor_wanted else nullcontext() as found:
+        with StageClock().beside("free space", lambda: scene.free_space) if floor_wanted else nullcontext() as found:
             for output, publisher in wanted:
                 if output.needs_floor and found is not None:
                     found()

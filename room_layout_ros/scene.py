@@ -42,10 +42,6 @@ class Scene:
             return None
         return compute_free_space(self.geometry, self.estimate, self.estimator, self.floor, self.frame.color)
 
-    def find_floor(self) -> None:
-        """Compute the free space, for a thread of its own; what others ask for meanwhile needs none."""
-        _ = self.free_space
-
     @cached_property
     def sees_floor(self) -> bool:
         """Whether so much floor is seen and measured that depth could confirm where it is."""

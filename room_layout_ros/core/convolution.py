@@ -1,7 +1,7 @@
 """Layers of a convolutional network on images with the channels last: products per pixel, filters per channel.
 
-Images are parts of one flat float32 array: `first` is where one begins, pixels follow each other row by row. Widths
-are multiples of 8, channels too.
+Images are flat float32 arrays, or parts of one that begin where the image does; pixels follow each other row by row.
+Widths are multiples of 8, channels too.
 """
 
 from __future__ import annotations

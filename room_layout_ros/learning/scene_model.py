@@ -24,6 +24,9 @@ from ..core.scene_layers import (
     N_CLASSES,
     SMOOTH,
     STAGES,
+    STEM_CHANNELS,
+    STEM_KERNEL,
+    STEM_STRIDE,
     STRIDE,
     TAPS,
     TOP,
@@ -89,8 +92,8 @@ class SceneModel(nn.Module):
     def __init__(self, width: int = WIDTH, dropout: float = 0.2) -> None:
         super().__init__()
         self.frozen: list[nn.Module] = []
-        self._conv_stem = _SameConv(3, 32, 3, 2, bias=False)
-        self._bn0 = _norm(32)
+        self._conv_stem = _SameConv(3, STEM_CHANNELS, STEM_KERNEL, STEM_STRIDE, bias=False)
+        self._bn0 = _norm(STEM_CHANNELS)
         blocks = []
         for repeats, kernel, stride, expansion, channels_in, channels_out in STAGES:
             for k in range(repeats):
