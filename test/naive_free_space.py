@@ -62,7 +62,7 @@ def naive_cells(
                 on_wall = any(g < tolerance for g in gaps) and labels[v, u] != CLUTTER
                 kind = WALL_PIXEL if on_wall else OBSTACLE_PIXEL
                 kind = BEYOND_PIXEL if any(g < -tolerance for g in gaps) else kind
-                area = 1 / (w * w * camera.fx * camera.fy)
+                area = (16 if u in (0, camera.width - 1) else 1) / (w * w * camera.fx * camera.fy)
             else:
                 direction = T_floor_camera[:3, :3] @ ray
                 if direction[2] > -1e-3:
@@ -99,17 +99,50 @@ def naive_hidden(
     robot_height_m: float,
     margin_m: float,
 ) -> NDArray[np.int8]:
-    """Return the grid without the free cells over a corner of which something hides at least four of the looks."""
+    """Return the grid without the free cells over a corner of which too much of the space is hidden."""
     result = grid.copy()
-    for i, j in np.argwhere(grid == FREE_CELL):
-        for m, n in ((i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)):
-            foot = np.array([corner[0] + n * corner[2], corner[1] + m * corner[2], 0.0])
-            farther = foot * (1.0 + margin_m / max(float(np.hypot(*foot[:2])), 1e-9))
-            beside = not 0 <= _pixel(camera, T, farther)[0] <= camera.width - 1
-            places = [foot, farther] if beside else [foot]
-            if any(_looks_hidden(place, inverse, kind, camera, T, robot_height_m) >= 4 for place in places):
-                result[i, j] = UNKNOWN_CELL
+    cells = {(int(i), int(j)): _over_cell(i, j, inverse, kind, camera, T, corner, robot_height_m, margin_m)
+             for i, j in np.argwhere(grid == FREE_CELL)}  # fmt: skip
+    below = {place for place, over in cells.items() if "below" in over}
+    # corners of free cells are those of their neighbours too
+    below |= {(i + a, j + b) for i, j in below for a in (-1, 0, 1) for b in (-1, 0, 1) if _shares(i, j, a, b, cells)}
+    for (i, j), over in cells.items():
+        near_below = any(abs(i - m) <= 3 and abs(j - n) <= 3 for m, n in below)
+        if "hidden" in over or "below" in over or (over.count("dark") > 1 and near_below):
+            result[i, j] = UNKNOWN_CELL
     return result
+
+
+def _shares(i: int, j: int, a: int, b: int, cells: dict[tuple[int, int], list[str]]) -> bool:
+    """Whether the cell (i + a, j + b) has a corner of (i, j) that is below something."""
+    corners = [(0, 0), (1, 0), (0, 1), (1, 1)]
+    own = {(i + m, j + n) for (m, n), over in zip(corners, cells[i, j], strict=True) if over == "below"}
+    return any((i + a + m, j + b + n) in own for m, n in corners)
+
+
+def _over_cell(
+    i: int,
+    j: int,
+    inverse: NDArray[np.float32],
+    kind: NDArray[np.uint8],
+    camera: CameraIntrinsics,
+    T: NDArray[np.float64],
+    corner: tuple[float, float, float],
+    robot_height_m: float,
+    margin_m: float,
+) -> list[str]:
+    """What hides the space over the four corners of a cell."""
+    found = []
+    for m, n in ((i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)):
+        foot = np.array([corner[0] + n * corner[2], corner[1] + m * corner[2], 0.0])
+        farther = foot * (1.0 + margin_m / max(float(np.hypot(*foot[:2])), 1e-9))
+        over = _over(foot, inverse, kind, camera, T, robot_height_m)
+        beside = not 0 <= _pixel(camera, T, farther)[0] <= camera.width - 1
+        if beside and over not in ("hidden", "below"):
+            behind = _over(farther, inverse, kind, camera, T, robot_height_m)
+            over = over if behind == "seen" else behind
+        found.append(over)
+    return found
 
 
 def _pixel(camera: CameraIntrinsics, T: NDArray[np.float64], point: NDArray[np.float64]) -> tuple[float, float, float]:
@@ -117,23 +150,29 @@ def _pixel(camera: CameraIntrinsics, T: NDArray[np.float64], point: NDArray[np.f
     return float(x / max(z, 0.1) * camera.fx + camera.cx), float(y / max(z, 0.1) * camera.fy + camera.cy), float(z)
 
 
-def _looks_hidden(
+def _over(
     place: NDArray[np.float64],
     inverse: NDArray[np.float32],
     kind: NDArray[np.uint8],
     camera: CameraIntrinsics,
     T: NDArray[np.float64],
     robot_height_m: float,
-) -> int:
-    hidden = 0
+) -> str:
+    """What hides the space over a place: the first of two rules that holds as the look goes up."""
+    met: list[tuple[int, float, bool, bool]] = []
     for k in range(1, int(robot_height_m / 0.05) + 1):
         u, v, z = _pixel(camera, T, place + (0.0, 0.0, 0.05 * k))
         cut = not 0 <= round(u) < camera.width
         col, row = min(max(round(u), 0), camera.width - 1), round(v)
         if z < 0.1 or not 0 <= row < camera.height or inverse[row, col] <= 0:
             continue
-        goes_on = cut and kind[row, col] == OBSTACLE_PIXEL
+        thing = bool(kind[row, col] == OBSTACLE_PIXEL)
         before = z - 1.0 / float(inverse[row, col])
-        if (-0.3 if goes_on else 0.08) < before < 0.5:
-            hidden += 2 if goes_on else 1
-    return hidden
+        if before <= (-0.3 if cut and thing else 0.03):
+            continue
+        met.append((k, before, cut, thing))
+        if sum(t and n <= 6 and far < 0.25 for n, far, _, t in met) >= 2 and len(met) >= 4:
+            return "below"
+        if sum(4 if c and t else 1 for _, far, c, t in met if far < 0.5) >= 4:
+            return "hidden"
+    return "dark" if sum(n <= 5 for n, *_ in met) >= 3 else "seen"

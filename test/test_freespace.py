@@ -245,6 +245,20 @@ def test_what_the_pictures_side_cuts_off_may_stand_in_the_margin() -> None:
     assert (hidden[1] & ~hidden[0]).any()
 
 
+def test_floor_below_a_sofa_is_not_free_even_where_a_table_hides_the_sofa() -> None:
+    """A low sofa on feet of 10 cm; a table top before it, turned a little, leaves in view but 0 to 10 cm."""
+    table = Solid(0.25, 0.0, 0.15, 0.8, 1.8, 0.68, 0.74, 7, GREY, thing=2)
+    sample, free_space = look(empty(box(1.5, 0.0, 0.8, 0.4, bottom=0.1), table), height=1.16)
+    local, _ = places(sample, 1.16)
+    below = (np.abs(local[..., 2]) < 0.01) & (local[..., 0] > 2.55) & (np.abs(local[..., 1]) < 0.35)
+    assert below.sum() > 500, "floor below the sofa has to be in the picture"
+    (x0, y0), (rows, cols) = free_space.origin_m, free_space.grid.shape
+    ahead, aside = x0 + 0.05 * (np.arange(cols) + 0.5), y0 + 0.05 * (np.arange(rows) + 0.5)
+    under = np.ix_(np.abs(aside) < 0.4, (ahead > 2.4) & (ahead < 3.3))
+    assert not (free_space.grid[under] == FREE_CELL).any()
+    assert (free_space.grid[np.abs(aside) < 0.4] == FREE_CELL).any()
+
+
 @pytest.mark.parametrize("pitch", [-0.5, -0.1, 0.2])
 def test_what_hides_the_space_over_cells_is_what_its_slow_twin_says(pitch: float, rng: np.random.Generator) -> None:
     """Places are passed over by tiles of the picture; none of those that are hidden may be among them."""

@@ -1,7 +1,12 @@
-"""Floor that is seen below something: the seat behind a chair's back, the table over its legs."""
+"""Floor that is seen below something: the seat behind a chair's back, the table over its legs, a sofa on its feet.
+
+The picture shows a piece of floor, but a robot needs the space above it too. So that is looked at, from the floor up to
+the robot's height: what of it something nearer hides is not known.
+"""
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -12,8 +17,22 @@ from .frame import CameraIntrinsics
 _STEP_M, _MIN_HIDDEN = 0.05, 4
 """The space above a corner is looked at so far apart; hidden it is when so many looks meet something before it."""
 
-_COVER_M = (0.08, 0.5)
+_COVER_M = (0.03, 0.5)
 """What stands this far before the space above a cell hides what may hang there."""
+
+_LOW_M, _DEEP_M, _MIN_LOW = 0.3, 0.25, 2
+"""The lower edge of a sofa: a thing up to this high, no farther before the space, that so many looks meet. Floor is
+below it then, even if a table hides the rest of the space."""
+
+_DARK_M, _MIN_DARK = 0.25, 3
+"""Nobody knows what stands over floor where so many of the looks up to this high meet something, however far before."""
+
+_GOES_ON_CELLS = 3
+"""What has floor below it goes on so far over such floor: a table hides the rest of the sofa."""
+
+SEEN, HIDDEN, BELOW, DARK = range(4)
+"""The space over a place: enough of it is seen; it is hidden by what stands just before it; it is below the lower edge
+of a thing; its lower part is hidden by what may be far before it."""
 
 _CUT_M = -0.3
 """What is cut off by the side of the picture may come this much nearer beyond it."""
@@ -49,20 +68,20 @@ def hide_overhung(
     margin_m : cells this near before a thing are not free; where that place is beside the picture, it is looked at too.
     """
     intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
-    _hide(grid, inverse_depth, kind, intrinsics, T_camera_floor, corner, robot_height_m, margin_m)
+    over = _look_over_corners(grid, inverse_depth, kind, intrinsics, T_camera_floor, corner, robot_height_m, margin_m)
+    below = _corners_of_cells(over == BELOW) > 0
+    hidden = below | (_corners_of_cells(over == HIDDEN) > 0)
+    if below.any():
+        side = 2 * _GOES_ON_CELLS + 1
+        beside = cv2.dilate(below.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+        hidden |= beside & (_corners_of_cells(over == DARK) > 1)
+    grid[hidden & (grid == FREE_CELL)] = UNKNOWN_CELL
 
 
-@njit(cache=True, nogil=True)
-def _hide(grid, inverse, kind, intrinsics, T, corner, robot_height, margin):  # type: ignore[no-untyped-def]
-    """Free cells become unknown where a thing hides the space above one of their corners (a chair's seat)."""
-    rows, cols = grid.shape
-    covered = _covered(grid, inverse, kind, intrinsics, T, corner, robot_height, margin)
-    for i in range(rows):
-        for j in range(cols):
-            if grid[i, j] != FREE_CELL:
-                continue
-            if covered[i, j] or covered[i + 1, j] or covered[i, j + 1] or covered[i + 1, j + 1]:
-                grid[i, j] = UNKNOWN_CELL
+def _corners_of_cells(corners: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """(rows, cols) how many of each cell's four corners are marked."""
+    marked = corners.view(np.uint8)
+    return np.asarray(marked[:-1, :-1] + marked[1:, :-1] + marked[:-1, 1:] + marked[1:, 1:])
 
 
 @njit(cache=True, nogil=True)
@@ -113,7 +132,7 @@ def _may_hide(nearest, shape, low, high, steps, intrinsics):  # type: ignore[no-
     after = int(min(bottom, height - 1.0)) // _TILE_PX + 1
     # The lowest tile holds nearer floor. Too few looks fall into it to matter, as long as they are evenly apart.
     even = max(low[2], high[2]) < _EVEN_DEPTHS * min(low[2], high[2])
-    if even and not cut and _SPREAD * (_TILE_PX + 2) * (steps - 1) < (_MIN_HIDDEN - 1) * abs(v1 - v0):
+    if even and not cut and _SPREAD * (_TILE_PX + 2) * (steps - 1) < (_MIN_DARK - 1) * abs(v1 - v0):
         after -= 1
     for j in range(first // _TILE_PX, last // _TILE_PX + 1):
         if _some_above(nearest[j, int(max(top, 0.0)) // _TILE_PX : after], farther):
@@ -131,15 +150,15 @@ def _some_above(values, bound):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _covered(grid, inverse, kind, intrinsics, T, corner, robot_height, margin):  # type: ignore[no-untyped-def]
-    """Corners (rows + 1, cols + 1) of free cells over which something nearer hides part of the space."""
+def _look_over_corners(grid, inverse, kind, intrinsics, T, corner, robot_height, margin):  # type: ignore[no-untyped-def]
+    """(rows + 1, cols + 1) uint8: how much of the space over the corners of free cells is seen."""
     fx, cx = intrinsics[0], intrinsics[2]
     x0, y0, size = corner
     rows, cols = grid.shape
     width = inverse.shape[1]
     steps = int(robot_height / _STEP_M)
     nearest = _nearest_of_tiles(inverse)
-    free, covered = _free_corners(grid), np.zeros((rows + 1, cols + 1), np.bool_)
+    free, over = _free_corners(grid), np.full((rows + 1, cols + 1), SEEN, np.uint8)
     for i in range(rows + 1):
         for j in range(cols + 1):
             if not free[i, j]:
@@ -152,27 +171,28 @@ def _covered(grid, inverse, kind, intrinsics, T, corner, robot_height, margin): 
                 px, py = T[0, 0] * x + T[0, 1] * y + T[0, 3], T[1, 0] * x + T[1, 1] * y + T[1, 3]
                 pz = T[2, 0] * x + T[2, 1] * y + T[2, 3]
                 foot = px / max(pz, _NEAREST_Z_M) * fx + cx
-                if covered[i, j] or (place == 1 and 0 <= foot <= width - 1):
+                if over[i, j] in (HIDDEN, BELOW) or (place == 1 and 0 <= foot <= width - 1):
                     break
                 low = (px + T[0, 2] * _STEP_M, py + T[1, 2] * _STEP_M, pz + T[2, 2] * _STEP_M)
                 top = steps * _STEP_M
                 high = (px + T[0, 2] * top, py + T[1, 2] * top, pz + T[2, 2] * top)
-                if not _may_hide(nearest, inverse.shape, low, high, steps, intrinsics):
-                    continue
-                covered[i, j] = _is_hidden(inverse, kind, intrinsics, (px, py, pz), (T[0, 2], T[1, 2], T[2, 2]), steps)
-    return covered
+                if _may_hide(nearest, inverse.shape, low, high, steps, intrinsics):
+                    up = (T[0, 2], T[1, 2], T[2, 2])
+                    found = _look_over(inverse, kind, intrinsics, (px, py, pz), up, steps)
+                    over[i, j] = over[i, j] if found == SEEN else found
+    return over
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _is_hidden(inverse, kind, intrinsics, foot, up, steps):  # type: ignore[no-untyped-def]
-    """Whether enough of the looks at the space over a place meet something that stands before it.
+def _look_over(inverse, kind, intrinsics, foot, up, steps):  # type: ignore[no-untyped-def]
+    """How much is seen of the space over a place: `SEEN` and those after it.
 
     `foot`, `up` : camera frame, of the place on the floor, m, and of one metre up.
     """
     fx, fy, cx, cy = intrinsics
     px, py, pz = foot
     height, width = inverse.shape
-    hidden = 0
+    met = hidden = low = dark = 0
     for k in range(1, steps + 1):
         h = k * _STEP_M
         z = pz + up[2] * h
@@ -187,10 +207,17 @@ def _is_hidden(inverse, kind, intrinsics, foot, up, steps):  # type: ignore[no-u
         if v < 0 or v >= height or inverse[v, u] <= 0.0:
             continue
         # how far it stands before the space: z - 1 / inverse, without a division
-        goes_on = cut and kind[v, u] == OBSTACLE_PIXEL
-        least, most = z - (_CUT_M if goes_on else _COVER_M[0]), z - _COVER_M[1]
-        if least * inverse[v, u] > 1.0 and most * inverse[v, u] < 1.0:
-            hidden += 2 if goes_on else 1
-            if hidden >= _MIN_HIDDEN:
-                return True
-    return False
+        thing = kind[v, u] == OBSTACLE_PIXEL
+        least = z - (_CUT_M if cut and thing else _COVER_M[0])
+        if least * inverse[v, u] <= 1.0:
+            continue
+        met += 1
+        dark += h < _DARK_M + 0.5 * _STEP_M
+        if (z - _COVER_M[1]) * inverse[v, u] < 1.0:
+            hidden += _MIN_HIDDEN if cut and thing else 1
+            low += thing and h < _LOW_M + 0.5 * _STEP_M and (z - _DEEP_M) * inverse[v, u] < 1.0
+        if low >= _MIN_LOW and met >= _MIN_HIDDEN:
+            return BELOW
+        if hidden >= _MIN_HIDDEN:
+            return HIDDEN
+    return DARK if dark >= _MIN_DARK else SEEN
