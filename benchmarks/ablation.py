@@ -209,7 +209,7 @@ def _apply(variant: Variant, frame: RgbdFrame, cache: dict[object, Stages | None
     count = config.axes_hypotheses if metric else config.axes_hypotheses_rgb
     evidence = gather_hypotheses(superpixels, axes, camera, context, seen.orientation, seen.scene, metric, count)
     weights = variant.weights(load_models(metric, seen.scene is not None))
-    joint = estimate_joint(camera, superpixels, evidence, seen.geometry, weights, config)
+    joint = estimate_joint(camera, superpixels, evidence, seen.geometry, weights, config, first=seen.parts)
     room = joint.cuboid
     if variant.refined:
         color = frame.color if config.refine_on_edges else None

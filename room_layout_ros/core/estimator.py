@@ -87,7 +87,9 @@ class LayoutEstimator:
             metric,
             count,
         )
-        joint = run("joint", estimate_joint, camera, superpixels, evidence, geometry, models.joint, config, expired)
+        joint = run(
+            "joint", estimate_joint, camera, superpixels, evidence, geometry, models.joint, config, expired, seen.parts
+        )
         with run.beside(
             "furniture", find_furniture, superpixels, joint.labels, seen.features, models.furniture
         ) as drawn:

@@ -21,7 +21,7 @@ from .energies import (
 )
 from .frame import CameraIntrinsics
 from .integral_geometry import PairTables, pair_tables
-from .joint_problem import FrameEvidence, build_joint_problem, gather_parts
+from .joint_problem import FirstParts, FrameEvidence, build_joint_problem, gather_parts
 from .labelling import Labelling, LabelSolver
 from .labels import FRONT_WALL, N_FACES, N_LABELS
 from .layout import RoomCuboid
@@ -105,6 +105,7 @@ def estimate_joint(
     weights: ModelWeights,
     config: EstimatorConfig,
     expired: Callable[[], bool] = lambda: False,
+    first: FirstParts | None = None,
 ) -> JointEstimate:
     """Solve the joint problem under each naming of the axes and keep the one of least energy.
 
@@ -120,6 +121,8 @@ def estimate_joint(
     config : EstimatorConfig
     expired : callable
         True once the deadline has passed. The first hypothesis always gets an answer.
+    first : FirstParts, optional
+        Gathered already, the atoms for the first hypothesis.
 
     Raises
     ------
@@ -135,11 +138,12 @@ def estimate_joint(
     )
     best: tuple[int, _Alternation, _State] | None = None
     energies: list[float] = []
-    parts = gather_parts(superpixels, geometry, config)
+    parts = gather_parts(superpixels, geometry, config) if first is None else first.shared
     for index, evidence in enumerate(hypotheses):
         if best is not None and expired():
             break
-        problem = build_joint_problem(camera, superpixels, evidence, geometry, config, parts=parts)
+        atoms = first.atoms if first is not None and index == 0 else None
+        problem = build_joint_problem(camera, superpixels, evidence, geometry, config, parts=parts, atoms=atoms)
         solver = _Alternation(problem, weights, config, expired, None)
         state = solver.search()
         energies.append(state.energy)

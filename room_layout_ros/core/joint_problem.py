@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -33,6 +34,18 @@ _COLOR_SCALE = 10.0
 _MAX_CUE_M = 3.0
 _PLANE_SCALE = 0.03
 """Relative difference of depth at which two planes are no longer one."""
+
+
+class AtomCounts(NamedTuple):
+    """Pixels of each atom per cell of a ray grid, and the atoms' numbers.
+
+    Attributes
+    ----------
+    counts : CellCounts. number : (A,) (superpixel x 6 + orientation) x 6 + region, of what divides the superpixels.
+    """
+
+    counts: CellCounts
+    number: NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +102,32 @@ def gather_parts(superpixels: Superpixels, geometry: DepthGeometry | None, confi
     )
 
 
+class FirstParts(NamedTuple):
+    """What of the joint problem is known before the scene network has answered: to be gathered beside it.
+
+    Attributes
+    ----------
+    shared : SharedParts. atoms : AtomCounts under the first naming of the axes.
+    """
+
+    shared: SharedParts
+    atoms: AtomCounts
+
+
+def gather_first_parts(
+    camera: CameraIntrinsics,
+    superpixels: Superpixels,
+    geometry: DepthGeometry | None,
+    R_room_camera: NDArray[np.float64],
+    orientation: NDArray[np.uint8] | None,
+    config: EstimatorConfig,
+) -> FirstParts:
+    """Gather what asks for no more than axes, superpixels and orientation map, (H, W) uint8."""
+    shared = gather_parts(superpixels, geometry, config)
+    evidence = FrameEvidence(R_room_camera, orientation)
+    return FirstParts(shared, count_atoms(camera, superpixels.count, shared, evidence, config))
+
+
 def build_joint_problem(
     camera: CameraIntrinsics,
     superpixels: Superpixels,
@@ -97,6 +136,7 @@ def build_joint_problem(
     config: EstimatorConfig,
     regions: NDArray[np.uint8] | None = None,
     parts: SharedParts | None = None,
+    atoms: AtomCounts | None = None,
 ) -> JointProblem:
     """Collect all terms of the joint energy.
 
@@ -113,6 +153,8 @@ def build_joint_problem(
         A further division of the atoms, kept as `atom_region`: the true layout, for the loss in learning.
     parts : SharedParts, optional
         Of the same superpixels, geometry and settings, to save gathering them again.
+    atoms : AtomCounts, optional
+        Of the same evidence and regions, to save counting again.
 
     Raises
     ------
@@ -121,7 +163,7 @@ def build_joint_problem(
     """
     K, R = superpixels.count, evidence.R_room_camera
     parts = parts or gather_parts(superpixels, geometry, config)
-    counts, number = _count_atoms(camera, superpixels, evidence, parts, config, regions)
+    counts, number = atoms or count_atoms(camera, superpixels.count, parts, evidence, config, regions)
     context = (
         np.full((K, N_LABELS), 1.0 / N_LABELS) if evidence.context is None else np.asarray(evidence.context, np.float64)
     )
@@ -179,27 +221,37 @@ def _describe_atoms(number, pixels, context, behind, by_orientation, by_region):
     return superpixel, feature, region, shares
 
 
-def _count_atoms(
+def count_atoms(
     camera: CameraIntrinsics,
-    superpixels: Superpixels,
-    evidence: FrameEvidence,
+    superpixels: int,
     parts: SharedParts,
+    evidence: FrameEvidence,
     config: EstimatorConfig,
-    regions: NDArray[np.uint8] | None,
-) -> tuple[CellCounts, NDArray[np.intp]]:
-    """Counts of the atoms that have a pixel, and their numbers: (superpixel x 6 + orientation) x 6 + region."""
+    regions: NDArray[np.uint8] | None = None,
+) -> AtomCounts:
+    """Count the pixels of every atom that has one; asks of the evidence for axes and orientation map alone.
+
+    Parameters
+    ----------
+    superpixels : how many there are. regions : of `build_joint_problem`.
+
+    Raises
+    ------
+    ValueError
+        When an image does not fit the camera's.
+    """
     atoms, per_superpixel = parts.index, 1
     for image, names in ((evidence.orientation, evidence.orientation_names), (regions, SAME_NAMES)):
         if image is not None:
-            if image.shape != superpixels.index.shape or image.dtype != np.uint8:
+            if image.shape != (camera.height, camera.width) or image.dtype != np.uint8:
                 raise ValueError(
-                    f"evidence image is {image.dtype} {image.shape}; uint8 {superpixels.index.shape} is needed"
+                    f"evidence image is {image.dtype} {image.shape}; uint8 {(camera.height, camera.width)} is needed"
                 )
             atoms = _divide(atoms, image, names, config.layout_pixel_step, lattice_shear(config.layout_pixel_step))
             per_superpixel *= _N_ORIENTATIONS
     grid = compute_ray_grid(camera, evidence.R_room_camera, config.layout_rays, config.layout_angle_bins)
-    held = _held(atoms, superpixels.count * per_superpixel)
-    return count_samples(grid, atoms, held, config.layout_pixel_step), np.flatnonzero(held)
+    held = _held(atoms, superpixels * per_superpixel)
+    return AtomCounts(count_samples(grid, atoms, held, config.layout_pixel_step), np.flatnonzero(held))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

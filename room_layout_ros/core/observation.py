@@ -13,8 +13,9 @@ from .depth import DepthGeometry, compute_depth_geometry
 from .estimate import Status
 from .evidence.features import SuperpixelFeatures, add_scene, compute_superpixel_features
 from .evidence.room_extents import compute_room_extents
-from .frame import RgbdFrame
+from .frame import CameraIntrinsics, RgbdFrame
 from .frame_evidence import map_orientation
+from .joint_problem import FirstParts, gather_first_parts
 from .lines import LineSegments, compute_line_segments
 from .manhattan import ManhattanFrame, find_axes
 from .scene_network import SceneScores, SuperpixelScene, pool_scene
@@ -42,6 +43,7 @@ class Observation:
     features : of the superpixels under `axes`, with those of the scene network.
     orientation : (H, W) uint8 orientation map under `axes`.
     scores : of the scene network by cell. scene : by superpixel.
+    parts : of the joint problem; None for another method.
     """
 
     geometry: DepthGeometry | None
@@ -53,6 +55,7 @@ class Observation:
     orientation: NDArray[np.uint8] | None
     scores: SceneScores | None
     scene: SuperpixelScene | None
+    parts: FirstParts | None
 
 
 def observe(
@@ -102,11 +105,28 @@ def observe(
         line_class, orientation = run("orientation", map_orientation, segments, axes, camera, config.joint_variant)
         extents = None if inverse_depth is None else run("extents", compute_room_extents, inverse_depth, R, camera)
         superpixels = superpixels_found()
-        features = run(
-            "features", compute_superpixel_features, superpixels, color, inverse_depth, R, camera, segments,
-            line_class, orientation, extents,
-        )  # fmt: skip
+        with run.beside(
+            "counts", _parts_of_problem, camera, superpixels, geometry, R, orientation, config
+        ) as parts_found:
+            features = run(
+                "features", compute_superpixel_features, superpixels, color, inverse_depth, R, camera, segments,
+                line_class, orientation, extents,
+            )  # fmt: skip
+            parts = parts_found()
     scores = scores_found()
     scene = run("pooling", pool_scene, scores, superpixels.index, superpixels.count)
     features = add_scene(features, scene)
-    return Observation(geometry, segments, line_class, axes, superpixels, features, orientation, scores, scene)
+    return Observation(geometry, segments, line_class, axes, superpixels, features, orientation, scores, scene, parts)
+
+
+def _parts_of_problem(
+    camera: CameraIntrinsics,
+    superpixels: Superpixels,
+    geometry: DepthGeometry | None,
+    R_room_camera: NDArray[np.float64],
+    orientation: NDArray[np.uint8] | None,
+    config: EstimatorConfig,
+) -> FirstParts | None:
+    if config.method != "joint":
+        return None
+    return gather_first_parts(camera, superpixels, geometry, R_room_camera, orientation, config)

@@ -1,7 +1,8 @@
-"""Wall time of named stages."""
+"""Wall time of named stages, and stages beside others where a core is free for them."""
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -11,9 +12,13 @@ from typing import ParamSpec, TypeVar
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_THREADS = ThreadPoolExecutor(8, thread_name_prefix="room-layout-stage")
-"""For the stages beside others, of all frames in flight; a stage never waits for another one in it. Kept, because every
-tenth new thread starts milliseconds late: its maker holds the interpreter's lock."""
+CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+"""That this process may use."""
+
+_THREADS = ThreadPoolExecutor(max(CORES - 1, 1), thread_name_prefix="room-layout-stage")
+"""For the stages beside others, of all frames in flight: one fewer than cores, for the makers of stages work too. More
+threads than cores would wait for each other, milliseconds at a time, and the ones that others wait for as well. Kept,
+because every tenth new thread starts milliseconds late: its maker holds the interpreter's lock."""
 
 
 class StageClock:
@@ -35,11 +40,20 @@ class StageClock:
     ) -> Iterator[Callable[[], T]]:
         """Run a stage in a second thread while the block runs; yields what waits for its value.
 
-        Kernels and OpenCV give the lock free, so an independent stage costs no time where a second core is idle.
+        Kernels and OpenCV give the lock free, so an independent stage costs no time where a core is idle. Where none is
+        before the value is asked for, the one who asks runs the stage.
         """
         self.timings_ms[stage] = 0.0  # keeps the stages in order of their start
         running = _THREADS.submit(lambda: self(stage, function, *args, **kwargs))
+        own: list[T] = []
+
+        def value() -> T:
+            if not own and running.cancel():
+                own.append(self(stage, function, *args, **kwargs))
+            return own[0] if own else running.result()
+
         try:
-            yield running.result
+            yield value
         finally:
-            wait([running])
+            if not running.cancel():
+                wait([running])
