@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
@@ -13,8 +13,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from msg_adapters import messages
 from msg_adapters.encode_room import encode_label_names
 
-from .core.stage_clock import StageClock
-from .outputs import OUTPUTS, Output
+from .outputs import OUTPUTS
 from .scene import Scene
 
 LABEL_NAMES_TOPIC = "~/label_names"
@@ -59,21 +58,16 @@ class Publications:
         return any(self._is_wanted(publisher) for _, publisher in self._outputs)
 
     def send(self, scene: Scene) -> Sent:
-        """Encode and publish what has a listener; pictures are encoded while free space is computed."""
-        wanted = [(output, publisher) for output, publisher in self._outputs if self._is_wanted(publisher)]
-        pictures, of_floor = ([w for w in wanted if w[0].needs_floor == needs] for needs in (False, True))
-        with StageClock().beside("pictures", self._send, pictures, scene) as sent:
-            on_floor = self._send(of_floor, scene)
-            on_floor |= sent()
-        return Sent(on_floor, bool(of_floor))
+        """Encode and publish what has a listener, one after the other.
 
-    def _send(self, outputs: Iterable[tuple[Output, Any]], scene: Scene) -> bool:
-        """Encode and publish some of them; return whether any message lies in the floor frame."""
+        Beside the kernels of free space it would take as long: encoding and publishing hold the interpreter's lock.
+        """
+        wanted = [(output, publisher) for output, publisher in self._outputs if self._is_wanted(publisher)]
         on_floor = False
-        for output, publisher in outputs:
+        for output, publisher in wanted:
             for message in output.encode(scene):
                 on_floor |= self._publish(publisher, message) and output.on_floor
-        return on_floor
+        return Sent(on_floor, any(output.needs_floor for output, _ in wanted))
 
     def report(self, diagnostics: Any) -> None:
         """Publish a diagnostic_msgs/DiagnosticArray."""

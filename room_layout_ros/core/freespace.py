@@ -33,6 +33,7 @@ from .low_things import find_low_things
 from .overhang import hide_overhung
 from .scan import RangeScan, cast_scan
 from .sight_lines import in_line_of_sight
+from .stage_clock import StageClock
 from .thing_surfaces import smooth_things
 from .wall_lines import refine_walls
 
@@ -97,12 +98,13 @@ def compute_free_space(
     FreeSpace or None
         None where no floor is in view and none is given.
     """
-    fit = fit_floor(geometry, estimate, config, floor, color)
-    if fit is None:
-        return None
+    with StageClock().beside("holes", close_holes, geometry.inverse_depth, estimate.labels, color) as holes_found:
+        fit = fit_floor(geometry, estimate, config, floor, color)
+        if fit is None:
+            return None
+        holes = holes_found()
     T_camera_floor = floor_frame(fit.normal, fit.distance_m)
     walls = walls_on_floor(estimate.cuboid if estimate.metric else None, T_camera_floor)
-    holes = close_holes(geometry.inverse_depth, estimate.labels, color)
     remove_bias(holes.inverse_depth, fit.bias)
     lowest = config.obstacle_min_height_m
     smooth_things(holes.inverse_depth, estimate.labels, estimate.superpixels, fit, geometry.camera, lowest)
