@@ -107,7 +107,7 @@ def naive_hidden(
     # corners of free cells are those of their neighbours too
     below |= {(i + a, j + b) for i, j in below for a in (-1, 0, 1) for b in (-1, 0, 1) if _shares(i, j, a, b, cells)}
     for (i, j), over in cells.items():
-        near_below = any(abs(i - m) <= 3 and abs(j - n) <= 3 for m, n in below)
+        near_below = any(max(abs(i - m), abs(j - n)) <= round(0.15 / corner[2]) for m, n in below)
         if "hidden" in over or "below" in over or (over.count("dark") > 1 and near_below):
             result[i, j] = UNKNOWN_CELL
     return result

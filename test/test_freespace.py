@@ -271,7 +271,7 @@ def test_what_hides_the_space_over_cells_is_what_its_slow_twin_says(pitch: float
         inverse[v : v + rng.integers(3, 30), u : u + rng.integers(3, 20)] = rng.choice([0.0, 1 / rng.uniform(1.0, 6.0)])
     kind = np.where(rng.random((120, 1)) < 0.5, OBSTACLE_PIXEL, WALL_PIXEL).astype(np.uint8).repeat(160, axis=1)
     grid = np.where(rng.random((48, 36)) < 0.8, 0, -1).astype(np.int8)
-    view = (inverse, kind, camera, T, (0.0, -3.0, 0.125), 2.0, 0.1)
+    view = (inverse, kind, camera, T, (0.5, -2.5, 0.1), 2.0, 0.1)
     expected = naive_hidden(grid, *view)
     hide_overhung(grid, *view)
     np.testing.assert_array_equal(grid, expected)

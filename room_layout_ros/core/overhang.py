@@ -27,7 +27,7 @@ below it then, even if a table hides the rest of the space."""
 _DARK_M, _MIN_DARK = 0.25, 3
 """Nobody knows what stands over floor where so many of the looks up to this high meet something, however far before."""
 
-_GOES_ON_CELLS = 3
+_GOES_ON_M = 0.15
 """What has floor below it goes on so far over such floor: a table hides the rest of the sofa."""
 
 SEEN, HIDDEN, BELOW, DARK = range(4)
@@ -72,7 +72,7 @@ def hide_overhung(
     below = _corners_of_cells(over == BELOW) > 0
     hidden = below | (_corners_of_cells(over == HIDDEN) > 0)
     if below.any():
-        side = 2 * _GOES_ON_CELLS + 1
+        side = 2 * round(_GOES_ON_M / corner[2]) + 1
         beside = cv2.dilate(below.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
         hidden |= beside & (_corners_of_cells(over == DARK) > 1)
     grid[hidden & (grid == FREE_CELL)] = UNKNOWN_CELL
