@@ -62,7 +62,7 @@ def naive_cells(
                 on_wall = any(g < tolerance for g in gaps) and labels[v, u] != CLUTTER
                 kind = WALL_PIXEL if on_wall else OBSTACLE_PIXEL
                 kind = BEYOND_PIXEL if any(g < -tolerance for g in gaps) else kind
-                area = (16 if u in (0, camera.width - 1) else 1) / (w * w * camera.fx * camera.fy)
+                area = 1 / (w * w * camera.fx * camera.fy)
             else:
                 direction = T_floor_camera[:3, :3] @ ray
                 if direction[2] > -1e-3:
@@ -107,7 +107,7 @@ def naive_hidden(
     # corners of free cells are those of their neighbours too
     below |= {(i + a, j + b) for i, j in below for a in (-1, 0, 1) for b in (-1, 0, 1) if _shares(i, j, a, b, cells)}
     for (i, j), over in cells.items():
-        near_below = any(max(abs(i - m), abs(j - n)) <= round(0.15 / corner[2]) for m, n in below)
+        near_below = any(max(abs(i - m), abs(j - n)) <= max(round(0.15 / corner[2]), 1) for m, n in below)
         if "hidden" in over or "below" in over or (over.count("dark") > 1 and near_below):
             result[i, j] = UNKNOWN_CELL
     return result
@@ -158,9 +158,9 @@ def _over(
     T: NDArray[np.float64],
     robot_height_m: float,
 ) -> str:
-    """What hides the space over a place: the first of two rules that holds as the look goes up."""
+    """What hides the space over a place; to be below a thing goes before being hidden."""
     met: list[tuple[int, float, bool, bool]] = []
-    for k in range(1, int(robot_height_m / 0.05) + 1):
+    for k in range(1, round(robot_height_m / 0.05) + 1):
         u, v, z = _pixel(camera, T, place + (0.0, 0.0, 0.05 * k))
         cut = not 0 <= round(u) < camera.width
         col, row = min(max(round(u), 0), camera.width - 1), round(v)
@@ -173,6 +173,8 @@ def _over(
         met.append((k, before, cut, thing))
         if sum(t and n <= 6 and far < 0.25 for n, far, _, t in met) >= 2 and len(met) >= 4:
             return "below"
-        if sum(4 if c and t else 1 for _, far, c, t in met if far < 0.5) >= 4:
+        if sum(4 if c and t else 1 for _, far, c, t in met if far < 0.5) >= 4 and k > 6:
             return "hidden"
+    if sum(4 if c and t else 1 for _, far, c, t in met if far < 0.5) >= 4:
+        return "hidden"
     return "dark" if sum(n <= 5 for n, *_ in met) >= 3 else "seen"

@@ -259,17 +259,21 @@ def test_floor_below_a_sofa_is_not_free_even_where_a_table_hides_the_sofa() -> N
     assert (free_space.grid[np.abs(aside) < 0.4] == FREE_CELL).any()
 
 
-@pytest.mark.parametrize("pitch", [-0.5, -0.1, 0.2])
-def test_what_hides_the_space_over_cells_is_what_its_slow_twin_says(pitch: float, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize(("pitch", "scale"), [(-0.5, 1), (-0.1, 1), (0.2, 1), (-0.3, 5)])
+def test_what_hides_the_space_over_cells_is_what_its_slow_twin_says(
+    pitch: float, scale: int, rng: np.random.Generator
+) -> None:
     """Places are passed over by tiles of the picture; none of those that are hidden may be among them."""
-    camera = CameraIntrinsics(fx=140.0, fy=140.0, cx=79.3, cy=60.2, width=160, height=120)
+    width, height = 160 * scale, 120 * scale
+    camera = CameraIntrinsics(width, height, 140.0 * scale, 140.0 * scale, 79.3 * scale, 60.2 * scale)
     normal = np.array([0.05, np.cos(pitch), -np.sin(pitch)])
     T = floor_frame(normal / np.linalg.norm(normal), 1.1)
-    inverse = np.full((120, 160), 1.0 / 7.0, np.float32)
-    for _ in range(25):
-        v, u = rng.integers(0, 110), rng.integers(0, 150)
-        inverse[v : v + rng.integers(3, 30), u : u + rng.integers(3, 20)] = rng.choice([0.0, 1 / rng.uniform(1.0, 6.0)])
-    kind = np.where(rng.random((120, 1)) < 0.5, OBSTACLE_PIXEL, WALL_PIXEL).astype(np.uint8).repeat(160, axis=1)
+    inverse = np.full((height, width), 1.0 / 7.0, np.float32)
+    for _ in range(25 * scale):
+        v, u = rng.integers(0, height - 10), rng.integers(0, width - 10)
+        size = rng.integers(3, 30), rng.integers(3, 20) * scale**2
+        inverse[v : v + size[0], u : u + size[1]] = rng.choice([0.0, 1 / rng.uniform(1.0, 6.0)])
+    kind = np.where(rng.random((height, 1)) < 0.5, OBSTACLE_PIXEL, WALL_PIXEL).astype(np.uint8).repeat(width, axis=1)
     grid = np.where(rng.random((48, 36)) < 0.8, 0, -1).astype(np.int8)
     view = (inverse, kind, camera, T, (0.5, -2.5, 0.1), 2.0, 0.1)
     expected = naive_hidden(grid, *view)

@@ -11,7 +11,12 @@ from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import DepthGeometry, compute_depth_geometry
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.joint import JointEstimate, estimate_joint
-from room_layout_ros.core.joint_problem import FrameEvidence, build_joint_problem, compute_relations
+from room_layout_ros.core.joint_problem import (
+    FrameEvidence,
+    build_joint_problem,
+    compute_relations,
+    gather_first_parts,
+)
 from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
 from room_layout_ros.core.weights import start_weights
@@ -111,6 +116,24 @@ def test_the_hypothesis_of_least_energy_wins_and_ties_go_to_the_first(samples: l
     assert found.hypothesis == 1
     assert found.energies[1] < found.energies[0]
     assert estimate_joint(camera, superpixels, (right, right), geometry, weights, CONFIG).hypothesis == 0
+
+
+def test_parts_gathered_before_change_nothing_and_are_of_the_first_hypothesis(samples: list[Sample]) -> None:
+    sample = samples[0]
+    assert sample.truth is not None
+    assert sample.truth.cuboid is not None
+    geometry, superpixels = parts(sample.frame)
+    R, camera, weights = sample.truth.cuboid.R_room_camera, sample.frame.camera, start_weights()
+    turned = R[[2, 1, 0]] * np.array([[1.0], [1.0], [-1.0]])
+    orientation = (np.arange(superpixels.index.size).reshape(superpixels.index.shape) // 5000 % 6).astype(np.uint8)
+    evidence = FrameEvidence(R, orientation), FrameEvidence(turned, orientation)
+    first = gather_first_parts(camera, superpixels, geometry, R, orientation, CONFIG)
+    found = estimate_joint(camera, superpixels, evidence, geometry, weights, CONFIG, first=first)
+    alone = estimate_joint(camera, superpixels, evidence, geometry, weights, CONFIG)
+    assert found.energies == alone.energies
+    np.testing.assert_array_equal(found.labels, alone.labels)
+    with pytest.raises(ValueError, match="counted under other axes"):
+        estimate_joint(camera, superpixels, evidence[::-1], geometry, weights, CONFIG, first=first)
 
 
 def test_a_passed_deadline_still_gives_one_answer(samples: list[Sample]) -> None:

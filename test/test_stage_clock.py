@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -61,8 +62,10 @@ def test_what_nobody_asked_for_and_never_began_is_left_out(busy: threading.Event
     with StageClock().beside("extra", lambda: calls.append(1)):
         pass
     busy.set()
-    with StageClock().beside("next", lambda: 3) as found:
-        assert found() == 3
+    for _ in range(2 * CORES):  # after these every stage that was queued before has been begun
+        begun = threading.Event()
+        with StageClock().beside("next", begun.set):
+            assert begun.wait(WAIT_S)
     assert not calls
 
 
@@ -72,6 +75,18 @@ def test_an_error_reaches_who_asks(free: bool, request: pytest.FixtureRequest) -
         request.getfixturevalue("busy")
     with StageClock().beside("bad", lambda: 1 // 0) as found, pytest.raises(ZeroDivisionError):
         found()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_a_forked_process_has_threads_of_its_own() -> None:
+    with StageClock().beside("first", max, 1, 2) as found:
+        assert found() == 2
+    child = os.fork()
+    if child == 0:
+        begun = threading.Event()
+        with StageClock().beside("second", begun.set):
+            os._exit(0 if begun.wait(WAIT_S) else 1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
 def test_the_block_ends_after_a_stage_that_runs() -> None:

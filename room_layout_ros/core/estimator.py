@@ -65,7 +65,7 @@ class LayoutEstimator:
             Always; its `status` says whether a room was found.
         """
         run, config, camera = StageClock(), self.config, frame.camera
-        seen = observe(frame, config, self.look, prior, run)
+        seen = observe(frame, config, self.look, prior, run, with_parts=config.method == "joint")
         if isinstance(seen, Status):
             return no_estimate(seen, frame, run.timings_ms)
         geometry, axes, superpixels = seen.geometry, seen.axes, seen.superpixels

@@ -43,9 +43,6 @@ or who filled its holes, took the middle."""
 _BESIDE_PX = 2
 """A flying pixel is told by those so many columns beside it."""
 
-_CUT_OFF_PX = 16.0
-"""A pixel of a thing at the side of the picture stands for so many: the picture may show but one column of it."""
-
 _BETWEEN_PIXELS, _MAX_BETWEEN_M, _LEAST_BELOW_M = 1.5, 0.10, 0.05
 """A level surface goes on behind its farthest pixel by so many distances of the picture's rows on it, at most by so
 much; the camera is taken to be no less than the last above it."""
@@ -461,8 +458,6 @@ def _add_row(inverse, labels, rays, camera, places, noise_at, limits, grid, kind
                 sums[i, j, FLYING] += area
                 continue
             cell[u] = i * cols + j
-            if u == 0 or u == width - 1:
-                area *= _CUT_OFF_PX
             if sums[i, j, OBSTACLE_PIXELS] == 0.0:
                 for k in range(_SIDES * _SIDES):
                     surface[i * cols + j, k] = 0.0

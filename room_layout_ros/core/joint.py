@@ -127,10 +127,12 @@ def estimate_joint(
     Raises
     ------
     ValueError
-        When there is no hypothesis or an array does not fit.
+        When there is no hypothesis, an array does not fit, or `first` is of other axes than the first hypothesis.
     """
     if not hypotheses:
         raise ValueError("no hypothesis of the axes is given; at least one is needed")
+    if first is not None and not np.array_equal(first.atoms.counts.grid.R_room_camera, hypotheses[0].R_room_camera):
+        raise ValueError("the atoms given are counted under other axes than those of the first hypothesis")
     weights = (
         weights.variant(config.joint_variant)
         if geometry is not None

@@ -125,7 +125,7 @@ def gather_first_parts(
     """Gather what asks for no more than axes, superpixels and orientation map, (H, W) uint8."""
     shared = gather_parts(superpixels, geometry, config)
     evidence = FrameEvidence(R_room_camera, orientation)
-    return FirstParts(shared, count_atoms(camera, superpixels.count, shared, evidence, config))
+    return FirstParts(shared, count_atoms(camera, superpixels, shared, evidence, config))
 
 
 def build_joint_problem(
@@ -163,7 +163,7 @@ def build_joint_problem(
     """
     K, R = superpixels.count, evidence.R_room_camera
     parts = parts or gather_parts(superpixels, geometry, config)
-    counts, number = atoms or count_atoms(camera, superpixels.count, parts, evidence, config, regions)
+    counts, number = atoms or count_atoms(camera, superpixels, parts, evidence, config, regions)
     context = (
         np.full((K, N_LABELS), 1.0 / N_LABELS) if evidence.context is None else np.asarray(evidence.context, np.float64)
     )
@@ -223,7 +223,7 @@ def _describe_atoms(number, pixels, context, behind, by_orientation, by_region):
 
 def count_atoms(
     camera: CameraIntrinsics,
-    superpixels: int,
+    superpixels: Superpixels,
     parts: SharedParts,
     evidence: FrameEvidence,
     config: EstimatorConfig,
@@ -233,24 +233,24 @@ def count_atoms(
 
     Parameters
     ----------
-    superpixels : how many there are. regions : of `build_joint_problem`.
+    parts : SharedParts of these superpixels. regions : of `build_joint_problem`.
 
     Raises
     ------
     ValueError
-        When an image does not fit the camera's.
+        When an image does not fit the superpixels.
     """
     atoms, per_superpixel = parts.index, 1
     for image, names in ((evidence.orientation, evidence.orientation_names), (regions, SAME_NAMES)):
         if image is not None:
-            if image.shape != (camera.height, camera.width) or image.dtype != np.uint8:
+            if image.shape != superpixels.index.shape or image.dtype != np.uint8:
                 raise ValueError(
-                    f"evidence image is {image.dtype} {image.shape}; uint8 {(camera.height, camera.width)} is needed"
+                    f"evidence image is {image.dtype} {image.shape}; uint8 {superpixels.index.shape} is needed"
                 )
             atoms = _divide(atoms, image, names, config.layout_pixel_step, lattice_shear(config.layout_pixel_step))
             per_superpixel *= _N_ORIENTATIONS
     grid = compute_ray_grid(camera, evidence.R_room_camera, config.layout_rays, config.layout_angle_bins)
-    held = _held(atoms, superpixels * per_superpixel)
+    held = _held(atoms, superpixels.count * per_superpixel)
     return AtomCounts(count_samples(grid, atoms, held, config.layout_pixel_step), np.flatnonzero(held))
 
 

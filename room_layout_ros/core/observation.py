@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from .depth import DepthGeometry, compute_depth_geometry
 from .estimate import Status
 from .evidence.features import SuperpixelFeatures, add_scene, compute_superpixel_features
 from .evidence.room_extents import compute_room_extents
-from .frame import CameraIntrinsics, RgbdFrame
+from .frame import RgbdFrame
 from .frame_evidence import map_orientation
 from .joint_problem import FirstParts, gather_first_parts
 from .lines import LineSegments, compute_line_segments
@@ -43,7 +44,7 @@ class Observation:
     features : of the superpixels under `axes`, with those of the scene network.
     orientation : (H, W) uint8 orientation map under `axes`.
     scores : of the scene network by cell. scene : by superpixel.
-    parts : of the joint problem; None for another method.
+    parts : of the joint problem, where they were asked for.
     """
 
     geometry: DepthGeometry | None
@@ -65,6 +66,7 @@ def observe(
     prior: TemporalPrior | None = None,
     run: StageClock | None = None,
     axes: ManhattanFrame | None = None,
+    with_parts: bool = False,
 ) -> Observation | Status:
     """Look at a frame.
 
@@ -80,6 +82,8 @@ def observe(
         Books the time of each stage.
     axes : ManhattanFrame, optional
         Of the room, where they are not to be found but given.
+    with_parts : bool
+        Gather the parts of the joint problem too.
 
     Returns
     -------
@@ -105,9 +109,10 @@ def observe(
         line_class, orientation = run("orientation", map_orientation, segments, axes, camera, config.joint_variant)
         extents = None if inverse_depth is None else run("extents", compute_room_extents, inverse_depth, R, camera)
         superpixels = superpixels_found()
-        with run.beside(
-            "counts", _parts_of_problem, camera, superpixels, geometry, R, orientation, config
-        ) as parts_found:
+        counted: AbstractContextManager[Callable[[], FirstParts | None]] = nullcontext(lambda: None)
+        if with_parts:
+            counted = run.beside("counts", gather_first_parts, camera, superpixels, geometry, R, orientation, config)
+        with counted as parts_found:
             features = run(
                 "features", compute_superpixel_features, superpixels, color, inverse_depth, R, camera, segments,
                 line_class, orientation, extents,
@@ -118,15 +123,3 @@ def observe(
     features = add_scene(features, scene)
     return Observation(geometry, segments, line_class, axes, superpixels, features, orientation, scores, scene, parts)
 
-
-def _parts_of_problem(
-    camera: CameraIntrinsics,
-    superpixels: Superpixels,
-    geometry: DepthGeometry | None,
-    R_room_camera: NDArray[np.float64],
-    orientation: NDArray[np.uint8] | None,
-    config: EstimatorConfig,
-) -> FirstParts | None:
-    if config.method != "joint":
-        return None
-    return gather_first_parts(camera, superpixels, geometry, R_room_camera, orientation, config)

@@ -15,14 +15,16 @@ from .floor_cells import FREE_CELL, OBSTACLE_PIXEL, UNKNOWN_CELL
 from .frame import CameraIntrinsics
 
 _STEP_M, _MIN_HIDDEN = 0.05, 4
-"""The space above a corner is looked at so far apart; hidden it is when so many looks meet something before it."""
+"""The space above a corner is looked at so far apart; hidden it is when so many looks meet something before it (a
+robot lower than that passes under). One look is enough that leaves the picture at its side and meets there what the
+side cuts off: of such a thing the picture may show one column."""
 
 _COVER_M = (0.03, 0.5)
 """What stands this far before the space above a cell hides what may hang there."""
 
 _LOW_M, _DEEP_M, _MIN_LOW = 0.3, 0.25, 2
 """The lower edge of a sofa: a thing up to this high, no farther before the space, that so many looks meet. Floor is
-below it then, even if a table hides the rest of the space."""
+below it if `_MIN_HIDDEN` looks in all meet something, be it a table far before the sofa."""
 
 _DARK_M, _MIN_DARK = 0.25, 3
 """Nobody knows what stands over floor where so many of the looks up to this high meet something, however far before."""
@@ -72,7 +74,7 @@ def hide_overhung(
     below = _corners_of_cells(over == BELOW) > 0
     hidden = below | (_corners_of_cells(over == HIDDEN) > 0)
     if below.any():
-        side = 2 * round(_GOES_ON_M / corner[2]) + 1
+        side = 2 * max(round(_GOES_ON_M / corner[2]), 1) + 1
         beside = cv2.dilate(below.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
         hidden |= beside & (_corners_of_cells(over == DARK) > 1)
     grid[hidden & (grid == FREE_CELL)] = UNKNOWN_CELL
@@ -156,7 +158,7 @@ def _look_over_corners(grid, inverse, kind, intrinsics, T, corner, robot_height,
     x0, y0, size = corner
     rows, cols = grid.shape
     width = inverse.shape[1]
-    steps = int(robot_height / _STEP_M)
+    steps = int(robot_height / _STEP_M + 1e-6)
     nearest = _nearest_of_tiles(inverse)
     free, over = _free_corners(grid), np.full((rows + 1, cols + 1), SEEN, np.uint8)
     for i in range(rows + 1):
@@ -218,6 +220,8 @@ def _look_over(inverse, kind, intrinsics, foot, up, steps):  # type: ignore[no-u
             low += thing and h < _LOW_M + 0.5 * _STEP_M and (z - _DEEP_M) * inverse[v, u] < 1.0
         if low >= _MIN_LOW and met >= _MIN_HIDDEN:
             return BELOW
-        if hidden >= _MIN_HIDDEN:
+        if hidden >= _MIN_HIDDEN and h > _LOW_M:
             return HIDDEN
+    if hidden >= _MIN_HIDDEN:
+        return HIDDEN
     return DARK if dark >= _MIN_DARK else SEEN

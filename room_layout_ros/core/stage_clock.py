@@ -13,12 +13,27 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-"""That this process may use."""
+"""That this process may run on, when it starts."""
 
-_THREADS = ThreadPoolExecutor(max(CORES - 1, 1), thread_name_prefix="room-layout-stage")
+
+def _make_threads() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(max(CORES - 1, 1), thread_name_prefix="room-layout-stage")
+
+
+_threads = _make_threads()
 """For the stages beside others, of all frames in flight: one fewer than cores, for the makers of stages work too. More
 threads than cores would wait for each other, milliseconds at a time, and the ones that others wait for as well. Kept,
 because every tenth new thread starts milliseconds late: its maker holds the interpreter's lock."""
+
+
+def _begin_anew() -> None:
+    """Make threads in a forked process: it has none."""
+    global _threads
+    _threads = _make_threads()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_begin_anew)
 
 
 class StageClock:
@@ -41,10 +56,11 @@ class StageClock:
         """Run a stage in a second thread while the block runs; yields what waits for its value.
 
         Kernels and OpenCV give the lock free, so an independent stage costs no time where a core is idle. Where none is
-        before the value is asked for, the one who asks runs the stage.
+        before the value is asked for, the one who asks runs the stage: no stage waits for one that has not begun. What
+        never began and nobody asked for is left out at the end of the block; asked for later, it is run then.
         """
         self.timings_ms[stage] = 0.0  # keeps the stages in order of their start
-        running = _THREADS.submit(lambda: self(stage, function, *args, **kwargs))
+        running = _threads.submit(lambda: self(stage, function, *args, **kwargs))
         own: list[T] = []
 
         def value() -> T:
