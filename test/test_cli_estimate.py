@@ -120,6 +120,21 @@ def test_a_bag_without_camera_info_is_estimated_with_a_calibration_file(
     assert line["plane_distances_m"] == lines_of(result)[0]["plane_distances_m"]
 
 
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("robot_hieght_m=1", "the estimator has no parameter robot_hieght_m; the nearest name is robot_height_m"),
+        ("zzz=1", "the estimator has no parameter zzz; docs/parameters.md has all of them"),
+        ("robot_height_m", "NAME=VALUE with a parameter of the estimator is needed"),
+    ],
+)
+def test_a_setting_that_is_none_is_refused(
+    setting: str, said: str, walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["estimate", str(walk), "--out", str(tmp_path), "--set", setting]) == 2
+    assert f"--set {setting}: {said}" in capsys.readouterr().err
+
+
 def test_a_bound_that_is_not_computed_is_null(walk: Path, result: Path, tmp_path: Path) -> None:
     assert main(["estimate", str(walk), "--out", str(tmp_path), "--set", "joint_bound=false"]) == 0
     for line, proved in zip(lines_of(tmp_path), lines_of(result), strict=True):

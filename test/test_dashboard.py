@@ -67,7 +67,7 @@ def test_page_loads_nothing_from_elsewhere_and_escapes_the_source() -> None:
 
 
 def test_nothing_is_shown_before_the_first_room(server: ThreadingHTTPServer) -> None:
-    assert json.loads(get(server, "state.json"))["number"] == -1
+    assert json.loads(get(server, "state.json?after=-1")) == {"waiting": ""}
     with pytest.raises(urllib.error.HTTPError, match="404"):
         get(server, "overlay.jpg")
 
@@ -214,6 +214,19 @@ def test_numbers_are_those_of_the_chosen_node_alone(board: Board) -> None:
     assert room.stages == {"joint": 21.0, "of left/estimator": 1.0}
 
 
+def test_while_there_is_no_room_the_node_says_why(board: Board, server: ThreadingHTTPServer) -> None:
+    ears = Ears(board, "/left/estimator")
+    assert json.loads(get(server, "state.json"))["waiting"] == "nothing is heard of a node /left/estimator"
+    ears.on_diagnostics(diagnostics(("motor: estimates", "hot", {}), level=b"\x02"))
+    assert board.reason == "nothing is heard of a node /left/estimator"
+    ears.on_diagnostics(diagnostics(("left/estimator: estimates", "warming up", {})))
+    assert board.reason == "warming up"
+    ears.on_diagnostics(diagnostics(("left/estimator: pairing", "no depth for 6 s on /nothing", {}), level=b"\x01"))
+    assert json.loads(get(server, "state.json?after=-1")) == {"waiting": "no depth for 6 s on /nothing"}
+    ears.on_overlay(overlay(stamp=1))
+    assert "number" in json.loads(get(server, "state.json?after=-1"))
+
+
 def test_the_names_of_the_statuses_are_those_that_the_node_sends(board: Board) -> None:
     pytest.importorskip("diagnostic_msgs", reason="ROS is not installed (extra ros)")
     from msg_adapters.encode_diagnostics import encode_diagnostics
@@ -272,10 +285,11 @@ def header(stamp: int) -> Any:
     return SimpleNamespace(stamp=SimpleNamespace(sec=stamp, nanosec=0))
 
 
-def diagnostics(*statuses: tuple[str, str, dict[str, str]]) -> Any:
+def diagnostics(*statuses: tuple[str, str, dict[str, str]], level: bytes = b"\x00") -> Any:
     return SimpleNamespace(
         status=[
             SimpleNamespace(
+                level=level,
                 name=name,
                 message=message,
                 hardware_id="",

@@ -291,6 +291,10 @@ def test_a_page_without_a_room_waits_and_says_when_the_dashboard_ends(tmp_path: 
     for page in open_page(Board("nothing yet"), tmp_path):
         page.browser.wait_for("performance.now() > 1000")
         assert page.browser.value("document.getElementById('age').textContent") == "waiting for the first room"
+        page.board.reason = "no depth on </nothing>"
+        page.browser.wait_for(
+            "document.getElementById('age').textContent === 'waiting for the first room: no depth on </nothing>'"
+        )
         assert page.browser.value("document.querySelectorAll('.main-svg').length") == 0
         assert page.browser.errors == []
         page.server.shutdown()

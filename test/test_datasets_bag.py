@@ -297,6 +297,16 @@ def test_topics_of_usual_cameras_are_found() -> None:
     )
 
 
+def test_what_an_estimator_published_is_no_camera() -> None:
+    results = {f"/estimator/{name}": IMAGE for name in ("labels", "layout", "furniture", "overlay")}
+    results["/estimator/label_names"] = "std_msgs/msg/String"
+    with pytest.raises(DataError, match=r"results of the estimator \(/estimator/furniture, .*no images of a camera"):
+        choose_topics(results)
+    camera = {"/head/image": IMAGE, "/head/camera_info": INFO}
+    assert choose_topics(results | camera).color == "/head/image"
+    assert choose_topics(results | camera, color_topic="/estimator/overlay").color == "/estimator/overlay"
+
+
 def test_two_equal_cameras_are_not_guessed() -> None:
     two = {f"/{side}/color/image_raw": IMAGE for side in ("front", "back")} | {"/front/color/camera_info": INFO}
     with pytest.raises(DataError, match="--color-topic"):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 import time
 from pathlib import Path
 
@@ -68,6 +69,8 @@ def run(arguments: argparse.Namespace) -> int:
     finally:
         server.shutdown()
         server.server_close()
+    if board.look()[0] < 0 and board.reason:
+        print(f"no room was shown: {board.reason}", file=sys.stderr)
     return 0
 
 

@@ -25,6 +25,7 @@ _KEPT = 8
 _STAGE = "stage_ms: "
 _JPEG_QUALITY = 85
 _MOST_CELLS = 4_000_000
+_OK = b"\x00"  # diagnostic_msgs/DiagnosticStatus.OK
 _FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
 
 
@@ -50,6 +51,7 @@ class Ears:
 
     def __init__(self, board: Board, node: str) -> None:
         self._board, self._node = board, node
+        board.reason = f"nothing is heard of a node {node}"
         self._heard: OrderedDict[int, _Heard] = OrderedDict()
         self._numbers: dict[str, str] = {}
         self._stages: dict[str, float] = {}
@@ -110,10 +112,13 @@ class Ears:
     def on_diagnostics(self, message: Any) -> None:
         """Take the node's numbers. The topic is everybody's; our node's statuses are named "<node>: <what>"."""
         own = f"{self._node.strip('/')}: "
-        for status in message.status:
-            if str(status.name).startswith(own):
-                self._numbers[str(status.name).removeprefix(own)[:60]] = str(status.message)[:120]
-                self._take_values({str(value.key): str(value.value) for value in status.values})
+        ours = [status for status in message.status if str(status.name).startswith(own)]
+        if ours:
+            troubles = [str(status.message)[:120] for status in ours if status.level != _OK]
+            self._board.reason = "; ".join(troubles) or str(ours[0].message)[:120]
+        for status in ours:
+            self._numbers[str(status.name).removeprefix(own)[:60]] = str(status.message)[:120]
+            self._take_values({str(value.key): str(value.value) for value in status.values})
 
     def _take_values(self, values: Mapping[str, str]) -> None:
         stages = {key.removeprefix(_STAGE): _number(text) for key, text in values.items() if key.startswith(_STAGE)}

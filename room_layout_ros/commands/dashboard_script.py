@@ -156,15 +156,16 @@ function tellAge(answered) {
   const age = (performance.now() - drawnAt) / 1000;
   $("age").className = !answered || (shown >= 0 && age > 3) ? "bad" : "";
   $("age").textContent = !answered ? "the dashboard has ended"
-    : shown < 0 ? "waiting for the first room" : `frame ${name}, ${age.toFixed(1)} s ago`;
+    : shown < 0 ? "waiting for the first room" + (reason && `: ${reason}`) : `frame ${name}, ${age.toFixed(1)} s ago`;
 }
-let newest = null;
+let newest = null, reason = "";
 async function poll() {
   const begun = performance.now();
   // undefined: no answer. null: nothing new.
   const state = await fetch("state.json?after=" + shown).then(answer => answer.json()).catch(() => undefined);
   try {
-    if (state) {
+    if (state && "waiting" in state) reason = state.waiting;
+    else if (state) {
       newest = state; shown = state.number; name = state.name; drawnAt = performance.now();
       await draw(state);
       drawn = state.number;

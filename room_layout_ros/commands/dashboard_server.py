@@ -41,6 +41,8 @@ class Board:
         self._lock = threading.Lock()
         self._begun = 0.0
         self._newest = self._before = (-1, 0, Room(""))
+        self.reason = ""
+        """Why there is no room yet, in words; any thread may write it."""
 
     def show(self, room: Room) -> None:
         """Replace what is shown; a room of the same name is the same frame with more of its parts."""
@@ -122,6 +124,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(self.shown.page, "text/html; charset=utf-8")
         elif url.path == "/plotly.min.js":
             self._answer(self.plotly, "text/javascript; charset=utf-8")
+        elif url.path == "/state.json" and number < 0:
+            self._answer(json.dumps({"waiting": self.shown.reason}).encode(), "application/json")
         elif url.path == "/state.json" and parse_qs(url.query).get("after") == [str(number)]:
             self._answer(b"null", "application/json")  # the page has it
         elif url.path == "/state.json":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -57,8 +58,12 @@ def parse_settings(settings: Sequence[str], **defaults: Value) -> EstimatorConfi
     values: dict[str, Any] = dict(defaults)
     for setting in settings:
         name, equals, text = setting.partition("=")
-        if not equals or name not in table:
+        if not equals:
             raise DataError(f"--set {setting}: NAME=VALUE with a parameter of the estimator is needed")
+        if name not in table:
+            near = difflib.get_close_matches(name, table, 1)
+            hint = f"the nearest name is {near[0]}" if near else "docs/parameters.md has all of them"
+            raise DataError(f"--set {setting}: the estimator has no parameter {name}; {hint}")
         try:
             values[name] = table[name].check(_value(text, type(table[name].default)))
         except ValueError as error:

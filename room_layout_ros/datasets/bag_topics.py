@@ -53,12 +53,16 @@ def choose_topics(
     Raises
     ------
     DataError
-        When a named topic is not there or of the wrong type, no image is found, or several fit equally well.
+        When a named topic is not there or of the wrong type, no camera's image is found, or several fit equally well.
     """
     images = [t for t, kind in types.items() if kind in (IMAGE, COMPRESSED)]
     for named in (color_topic, depth_topic):
         if named and named not in images:
             raise DataError(f"the bag has no image topic {named}; it has {_listed(images)}")
+    results = [t for t in images if _is_result(t, types) and t not in (color_topic, depth_topic)]
+    if results and len(results) == len(images):
+        raise DataError(f"the bag holds results of the estimator ({_listed(images)}), no images of a camera")
+    images = [t for t in images if t not in results]
     depths = [t for t in images if "depth" in t.lower()]
     depth = depth_topic or _best("depth", depths, _DEPTH_HINTS)
     color = color_topic or _best("colour", [t for t in images if t not in depths and t != depth], _COLOR_HINTS)
@@ -71,6 +75,11 @@ def choose_topics(
     if info and info not in infos:
         raise DataError(f"the bag has no camera_info topic {info}; it has {_listed(infos)}")
     return BagTopics(color, depth, info or _info(color, depth, infos))
+
+
+def _is_result(topic: str, types: Mapping[str, str]) -> bool:
+    """Whether an estimator published it: the names of its labels lie beside it."""
+    return f"{topic.rpartition('/')[0]}/label_names" in types
 
 
 def _best(what: str, topics: list[str], hints: tuple[str, ...]) -> str | None:
