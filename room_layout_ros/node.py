@@ -10,6 +10,8 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
 from types import FrameType
 
 _USAGE = """usage: {program} [--ros-args [-p NAME:=VALUE] [-r FROM:=TO] [--params-file FILE] ...]
@@ -36,12 +38,17 @@ def lifecycle_main(args: Sequence[str] | None = None) -> int:
 
 def _main(program: str, node: str, args: Sequence[str] | None) -> int:
     _leave_on_signals()
-    words = _words_of_ours(sys.argv[1:] if args is None else args)
+    given = sys.argv[1:] if args is None else args
+    words = _words_of_ours(given)
     if any(word in ("-h", "--help") for word in words):
         print(_USAGE.format(program=program))
         return 0
     if words:
         print(f"{program}: {_refusal(program, words[0])}", file=sys.stderr)
+        return 2
+    missing = [file for option, file in pairwise(given) if option == "--params-file" and not Path(file).is_file()]
+    if missing:
+        print(f"{program}: --params-file {missing[0]}: there is no such file", file=sys.stderr)
         return 2
     from . import estimator_node
 

@@ -135,6 +135,15 @@ def test_a_setting_that_is_none_is_refused(
     assert f"--set {setting}: {said}" in capsys.readouterr().err
 
 
+def test_the_first_frames_alone_are_estimated_where_that_is_asked(
+    walk: Path, result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["estimate", str(walk), "--out", str(tmp_path), "--limit", "2"]) == 0
+    assert estimates_without_times(tmp_path) == estimates_without_times(result)[:2]
+    assert main(["estimate", str(walk), "--out", str(tmp_path), "--limit", "0"]) == 2
+    assert "--limit is 0; it must be 1 or more" in capsys.readouterr().err
+
+
 def test_a_bound_that_is_not_computed_is_null(walk: Path, result: Path, tmp_path: Path) -> None:
     assert main(["estimate", str(walk), "--out", str(tmp_path), "--set", "joint_bound=false"]) == 0
     for line, proved in zip(lines_of(tmp_path), lines_of(result), strict=True):

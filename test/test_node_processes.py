@@ -234,11 +234,12 @@ def test_f33_wrong_settings_at_the_start_are_a_sentence_and_exit_code_2(
         ("__node:=left", "estimator --ros-args -r __node:=left"),
         ("rgb/image_rect_color:=/x", "estimator --ros-args -r rgb/image_rect_color:=/x"),
         ("--params-file", "'--params-file' is no argument"),
+        ("--ros-args --params-file nofile.yaml", "estimator: --params-file nofile.yaml: there is no such file"),
         ("-- extra", "'--' is no argument"),
         ("--ros-args -r __node:=left -- extra", "'extra' is no argument"),
     ),
 )
-def test_f33_words_that_are_none_of_ros_are_refused(repository: Path, word: str, words: str) -> None:
+def test_f33_words_that_are_none_of_ros_and_missing_files_are_refused(repository: Path, word: str, words: str) -> None:
     with python(repository, "-m", "room_layout_ros.node", *word.split()) as node:
         said = rest(node, 30)
     assert node.returncode == 2, said

@@ -19,6 +19,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 from room_layout_ros.commands.estimate_frame import (
@@ -46,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="folder for the results, made if missing"
     )
+    parser.add_argument("--limit", type=int, metavar="N", help="no more than the first N frames")
     parser.add_argument("--rgb-only", action="store_true", help="leave the depth unused")
     parser.add_argument("--overlay", action="store_true", help="write overlay pictures too")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="local processes (default 1)")
@@ -61,13 +63,17 @@ def run(arguments: argparse.Namespace) -> int:
     """Estimate every frame of the input."""
     if arguments.jobs < 1:
         raise DataError(f"--jobs is {arguments.jobs}; it must be 1 or more")
+    if arguments.limit is not None and arguments.limit < 1:
+        raise DataError(f"--limit is {arguments.limit}; it must be 1 or more")
     config = parse_settings(arguments.set, joint_bound=True)  # nobody waits for the frame: it may be proved, too
     job = FrameJob(config, arguments.rgb_only, arguments.overlay)
     source = open_with_topics(arguments.input, arguments, arguments.recover)
     _make_folders(arguments.out, (*KINDS, "overlay") if arguments.overlay else KINDS)
     work, items, written = partial(estimate_item, job), ReadablePart(source), _Written(arguments.out)
-    with interrupts_between_items() as check, progress_bar("estimate", source.length) as progress:
-        results = map_ordered(work, items, arguments.jobs, arguments.scheduler, progress, lost_result)
+    first, length = islice(items, arguments.limit), source.length
+    expected = length if arguments.limit is None else min(arguments.limit, length or arguments.limit)
+    with interrupts_between_items() as check, progress_bar("estimate", expected) as progress:
+        results = map_ordered(work, first, arguments.jobs, arguments.scheduler, progress, lost_result)
         written.write(results, check)
     if items.damage is not None and not (arguments.recover and written.frames):
         raise DataError(f"{items.damage}; {written.frames} frames estimated before the damage")
