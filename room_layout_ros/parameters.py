@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
@@ -12,7 +11,7 @@ from rclpy.node import Node
 
 from msg_adapters.text import clean_text
 
-from .core.config import Parameter, Value, parameters
+from .core.config import Parameter, Value, nearest_name, parameters
 
 Table = TypeVar("Table")
 
@@ -72,8 +71,7 @@ def refuse_unknown(node: Node) -> None:
     if not unknown:
         return
     known = sorted(node.get_parameters_by_prefix(""))
-    near = difflib.get_close_matches(unknown[0], known, 1)
-    hint = f"the nearest name is {near[0]}" if near else "`ros2 param list` and docs/parameters.md have all of them"
+    hint = nearest_name(unknown[0], known, "`ros2 param list` and docs/parameters.md have all of them")
     more = f" (and {len(unknown) - 1} more)" if len(unknown) > 1 else ""
     raise ValueError(f"{clean_text(unknown[0])} is no parameter of this node{more}; {hint}")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -100,49 +102,28 @@ def naive_hidden(
     margin_m: float,
 ) -> NDArray[np.int8]:
     """Return the grid without the free cells over a corner of which too much of the space is hidden."""
+    look = partial(_over, inverse=inverse, kind=kind, camera=camera, T=T, robot_height_m=robot_height_m)
+    free = [(int(i), int(j)) for i, j in np.argwhere(grid == FREE_CELL)]
+    over = {}
+    for m, n in {place for cell in free for place in _corners(*cell)}:
+        foot = np.array([corner[0] + n * corner[2], corner[1] + m * corner[2], 0.0])
+        farther = foot * (1.0 + margin_m / max(float(np.hypot(*foot[:2])), 1e-9))
+        over[m, n] = look(foot)
+        beside = not 0 <= _pixel(camera, T, farther)[0] <= camera.width - 1
+        if beside and over[m, n] not in ("hidden", "below") and (behind := look(farther)) != "seen":
+            over[m, n] = behind
+    below = [(i, j) for i, j in np.ndindex(grid.shape) if any(over.get(place) == "below" for place in _corners(i, j))]
     result = grid.copy()
-    cells = {(int(i), int(j)): _over_cell(i, j, inverse, kind, camera, T, corner, robot_height_m, margin_m)
-             for i, j in np.argwhere(grid == FREE_CELL)}  # fmt: skip
-    below = {place for place, over in cells.items() if "below" in over}
-    # corners of free cells are those of their neighbours too
-    below |= {(i + a, j + b) for i, j in below for a in (-1, 0, 1) for b in (-1, 0, 1) if _shares(i, j, a, b, cells)}
-    for (i, j), over in cells.items():
+    for i, j in free:
+        found = [over[place] for place in _corners(i, j)]
         near_below = any(max(abs(i - m), abs(j - n)) <= max(round(0.15 / corner[2]), 1) for m, n in below)
-        if "hidden" in over or "below" in over or (over.count("dark") > 1 and near_below):
+        if "hidden" in found or "below" in found or (found.count("dark") > 1 and near_below):
             result[i, j] = UNKNOWN_CELL
     return result
 
 
-def _shares(i: int, j: int, a: int, b: int, cells: dict[tuple[int, int], list[str]]) -> bool:
-    """Whether the cell (i + a, j + b) has a corner of (i, j) that is below something."""
-    corners = [(0, 0), (1, 0), (0, 1), (1, 1)]
-    own = {(i + m, j + n) for (m, n), over in zip(corners, cells[i, j], strict=True) if over == "below"}
-    return any((i + a + m, j + b + n) in own for m, n in corners)
-
-
-def _over_cell(
-    i: int,
-    j: int,
-    inverse: NDArray[np.float32],
-    kind: NDArray[np.uint8],
-    camera: CameraIntrinsics,
-    T: NDArray[np.float64],
-    corner: tuple[float, float, float],
-    robot_height_m: float,
-    margin_m: float,
-) -> list[str]:
-    """What hides the space over the four corners of a cell."""
-    found = []
-    for m, n in ((i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)):
-        foot = np.array([corner[0] + n * corner[2], corner[1] + m * corner[2], 0.0])
-        farther = foot * (1.0 + margin_m / max(float(np.hypot(*foot[:2])), 1e-9))
-        over = _over(foot, inverse, kind, camera, T, robot_height_m)
-        beside = not 0 <= _pixel(camera, T, farther)[0] <= camera.width - 1
-        if beside and over not in ("hidden", "below"):
-            behind = _over(farther, inverse, kind, camera, T, robot_height_m)
-            over = over if behind == "seen" else behind
-        found.append(over)
-    return found
+def _corners(i: int, j: int) -> tuple[tuple[int, int], ...]:
+    return (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)
 
 
 def _pixel(camera: CameraIntrinsics, T: NDArray[np.float64], point: NDArray[np.float64]) -> tuple[float, float, float]:
@@ -160,7 +141,7 @@ def _over(
 ) -> str:
     """What hides the space over a place; to be below a thing goes before being hidden."""
     met: list[tuple[int, float, bool, bool]] = []
-    for k in range(1, round(robot_height_m / 0.05) + 1):
+    for k in range(1, int(robot_height_m / 0.05 + 1e-6) + 1):
         u, v, z = _pixel(camera, T, place + (0.0, 0.0, 0.05 * k))
         cut = not 0 <= round(u) < camera.width
         col, row = min(max(round(u), 0), camera.width - 1), round(v)
@@ -173,7 +154,7 @@ def _over(
         met.append((k, before, cut, thing))
         if sum(t and n <= 6 and far < 0.25 for n, far, _, t in met) >= 2 and len(met) >= 4:
             return "below"
-        if sum(4 if c and t else 1 for _, far, c, t in met if far < 0.5) >= 4 and k > 6:
+        if sum(4 if c and t else 1 for _, far, c, t in met if far < 0.5) >= 4 and k >= 6:
             return "hidden"
     if sum(4 if c and t else 1 for _, far, c, t in met if far < 0.5) >= 4:
         return "hidden"

@@ -14,6 +14,7 @@ from room_layout_ros.core.labels import CLUTTER, FLOOR, LABEL_COLORS, LABEL_NAME
 from room_layout_ros.datasets.images import encode_image
 from room_layout_ros.evaluation.floor_picture import FloorGrid
 from room_layout_ros.listening import Listener
+from room_layout_ros.runtime.diagnosis import Level
 
 from .dashboard_room import Cloud, Room
 from .dashboard_server import Board
@@ -25,7 +26,7 @@ _KEPT = 8
 _STAGE = "stage_ms: "
 _JPEG_QUALITY = 85
 _MOST_CELLS = 4_000_000
-_OK = b"\x00"  # diagnostic_msgs/DiagnosticStatus.OK
+_OK = bytes([Level.OK])  # as messages have it
 _FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from room_layout_ros.core.config import EstimatorConfig, Value, parameters
+from room_layout_ros.core.config import EstimatorConfig, Value, nearest_name, parameters
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
@@ -61,8 +60,7 @@ def parse_settings(settings: Sequence[str], **defaults: Value) -> EstimatorConfi
         if not equals:
             raise DataError(f"--set {setting}: NAME=VALUE with a parameter of the estimator is needed")
         if name not in table:
-            near = difflib.get_close_matches(name, table, 1)
-            hint = f"the nearest name is {near[0]}" if near else "docs/parameters.md has all of them"
+            hint = nearest_name(name, table, "docs/parameters.md has all of them")
             raise DataError(f"--set {setting}: the estimator has no parameter {name}; {hint}")
         try:
             values[name] = table[name].check(_value(text, type(table[name].default)))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -177,3 +178,9 @@ def parameters(table: type = EstimatorConfig) -> Iterator[Parameter]:
     for field in dataclasses.fields(table):
         default: Any = field.default
         yield Parameter(name=field.name, default=default, **field.metadata)
+
+
+def nearest_name(wanted: str, known: Iterable[str], otherwise: str) -> str:
+    """Return "the nearest name is X" for a name that is none of those known, `otherwise` where none is near."""
+    near = difflib.get_close_matches(wanted, known, 1)
+    return f"the nearest name is {near[0]}" if near else otherwise

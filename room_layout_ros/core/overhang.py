@@ -22,12 +22,12 @@ side cuts off: of such a thing the picture may show one column."""
 _COVER_M = (0.03, 0.5)
 """What stands this far before the space above a cell hides what may hang there."""
 
-_LOW_M, _DEEP_M, _MIN_LOW = 0.3, 0.25, 2
-"""The lower edge of a sofa: a thing up to this high, no farther before the space, that so many looks meet. Floor is
-below it if `_MIN_HIDDEN` looks in all meet something, be it a table far before the sofa."""
+_LOW_LOOKS, _DEEP_M, _MIN_LOW = 6, 0.25, 2
+"""The lower edge of a sofa: a thing, no farther before the space, that so many of the first looks meet. Floor is below
+it if `_MIN_HIDDEN` looks in all meet something, be it a table far before the sofa."""
 
-_DARK_M, _MIN_DARK = 0.25, 3
-"""Nobody knows what stands over floor where so many of the looks up to this high meet something, however far before."""
+_DARK_LOOKS, _MIN_DARK = 5, 3
+"""Nobody knows what stands over floor where so many of the first looks meet something, however far before."""
 
 _GOES_ON_M = 0.15
 """What has floor below it goes on so far over such floor: a table hides the rest of the sofa."""
@@ -214,13 +214,13 @@ def _look_over(inverse, kind, intrinsics, foot, up, steps):  # type: ignore[no-u
         if least * inverse[v, u] <= 1.0:
             continue
         met += 1
-        dark += h < _DARK_M + 0.5 * _STEP_M
+        dark += k <= _DARK_LOOKS
         if (z - _COVER_M[1]) * inverse[v, u] < 1.0:
             hidden += _MIN_HIDDEN if cut and thing else 1
-            low += thing and h < _LOW_M + 0.5 * _STEP_M and (z - _DEEP_M) * inverse[v, u] < 1.0
+            low += thing and k <= _LOW_LOOKS and (z - _DEEP_M) * inverse[v, u] < 1.0
         if low >= _MIN_LOW and met >= _MIN_HIDDEN:
             return BELOW
-        if hidden >= _MIN_HIDDEN and h > _LOW_M:
+        if hidden >= _MIN_HIDDEN and k >= _LOW_LOOKS:
             return HIDDEN
     if hidden >= _MIN_HIDDEN:
         return HIDDEN
