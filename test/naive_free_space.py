@@ -47,8 +47,8 @@ def naive_cells(
             if w == 0:
                 direction = T_floor_camera[:3, :3] @ ray
                 if direction[2] < -1e-3:
-                    z = -height / direction[2]
-                    _add(gap, foot + z * direction, size, z**3 / (height * camera.fx * camera.fy))
+                    for part, share in _parts(direction, camera, T_floor_camera, size):
+                        _add(gap, foot + part * direction, size, share)
                 continue
             point = T_floor_camera[:3, :3] @ (ray / w) + foot
             near_gain = 1.5 if np.hypot(point[0], point[1]) < 1.7 else 0.8 * min(max(3.0 - 1 / w, 0.0), 1.5)
@@ -74,9 +74,25 @@ def naive_cells(
                 point = foot + z * direction
                 area = z**3 / (height * camera.fx * camera.fy)
             kinds[v, u] = kind
-            for sums, what in ((seen, FLOOR_PIXEL), (obstacle, OBSTACLE_PIXEL), (hole, HOLE_PIXEL)):
+            if kind == FLOOR_PIXEL:
+                j, i = (int(np.floor(c)) for c in point[:2] / size + (0, shape[0] / 2))
+                if 0 <= i < shape[0] and 0 <= j < shape[1]:
+                    for part, share in _parts(direction, camera, T_floor_camera, size):
+                        _add(seen, foot + part * direction, size, share)
+            for sums, what in ((obstacle, OBSTACLE_PIXEL), (hole, HOLE_PIXEL)):
                 _add(sums, point, size, (kind == what) * area)
     return seen, obstacle, hole, gap, kinds
+
+
+def _parts(
+    direction: NDArray[np.float64], camera: CameraIntrinsics, T_floor_camera: NDArray[np.float64], size: float
+) -> list[tuple[float, float]]:
+    """Depths and areas of the parts of a pixel of floor: at most half a cell long, along its ray."""
+    height, up = T_floor_camera[2, 3], T_floor_camera[2, :3]
+    z, fall = -height / direction[2], np.hypot(up[0] / camera.fx, up[1] / camera.fy) / height
+    n = min(int(2.0 * z * z * fall / size) + 1, 16) if z * z * fall >= 0.5 * size else 1
+    nearness = 1.0 / z + ((np.arange(n) + 0.5) / n - 0.5) * fall
+    return [(1.0 / w, 1.0 / (w**3 * height * camera.fx * camera.fy * n)) for w in nearness if w > 0]
 
 
 def _hangs(left: float, here: float, right: float) -> bool:
@@ -141,6 +157,7 @@ def _over(
 ) -> str:
     """What hides the space over a place; to be below a thing goes before being hidden."""
     met: list[tuple[int, float, bool, bool]] = []
+    above_floor, low = float(-T[:3, 2] @ T[:3, 3]), 0
     for k in range(1, int(robot_height_m / 0.05 + 1e-6) + 1):
         u, v, z = _pixel(camera, T, place + (0.0, 0.0, 0.05 * k))
         cut = not 0 <= round(u) < camera.width
@@ -152,6 +169,9 @@ def _over(
         if before <= (-0.3 if cut and thing else 0.03):
             continue
         met.append((k, before, cut, thing))
+        low += k <= 5 and above_floor + (0.05 * k - above_floor) * (z - before) / z < 0.22
+        if low >= 3:
+            return "below"
         if sum(t and n <= 6 and far < 0.25 for n, far, _, t in met) >= 2 and len(met) >= 4:
             return "below"
         if sum(4 if c and t else 1 for _, far, c, t in met if far < 0.5) >= 4 and k >= 6:

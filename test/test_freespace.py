@@ -259,6 +259,30 @@ def test_floor_below_a_sofa_is_not_free_even_where_a_table_hides_the_sofa() -> N
     assert (free_space.grid[np.abs(aside) < 0.4] == FREE_CELL).any()
 
 
+def ahead_of(free_space: FreeSpace, ahead: tuple[float, float], half_width: float) -> NDArray[np.int8]:
+    """Cells of a rectangle before the camera, m."""
+    (x0, y0), (rows, cols) = free_space.origin_m, free_space.grid.shape
+    x, y = x0 + 0.05 * (np.arange(cols) + 0.5), y0 + 0.05 * (np.arange(rows) + 0.5)
+    return np.asarray(free_space.grid[np.ix_(np.abs(y) < half_width, (x > ahead[0]) & (x < ahead[1]))])
+
+
+def test_floor_below_a_bed_is_not_free_for_a_low_camera() -> None:
+    """A bed on feet of 8 cm: from 34 cm the floor is in view to 60 cm behind its front."""
+    bed = Solid(1.8, 0.0, 0.0, 2.0, 1.6, 0.08, 0.5, 5, GREY, thing=1)
+    sample, free_space = look(empty(bed), height=0.34, pitch=-0.05)
+    local, _ = places(sample, 0.34)
+    below = (np.abs(local[..., 2]) < 0.01) & (local[..., 0] > 2.7) & (np.abs(local[..., 1]) < 0.6)
+    assert below.sum() > 200, "floor far below the bed has to be in the picture"
+    assert not (ahead_of(free_space, (2.2, 4.2), 0.75) == FREE_CELL).any()
+    assert (ahead_of(free_space, (1.2, 1.9), 0.5) == FREE_CELL).mean() > 0.9
+
+
+def test_a_low_camera_sees_the_floor_between_the_rows_of_its_picture() -> None:
+    """From 30 cm two rows of pixels are two cells apart at 4 m: a pixel is as much floor as it covers."""
+    _, free_space = look(empty(), height=0.3, pitch=-0.05)
+    assert (ahead_of(free_space, (1.5, 4.0), 0.5) == FREE_CELL).mean() > 0.97
+
+
 @pytest.mark.parametrize(("pitch", "scale"), [(-0.5, 1), (-0.1, 1), (0.2, 1), (-0.3, 5)])
 def test_what_hides_the_space_over_cells_is_what_its_slow_twin_says(
     pitch: float, scale: int, rng: np.random.Generator

@@ -47,6 +47,9 @@ _BETWEEN_PIXELS, _MAX_BETWEEN_M, _LEAST_BELOW_M = 1.5, 0.10, 0.05
 """A level surface goes on behind its farthest pixel by so many distances of the picture's rows on it, at most by so
 much; the camera is taken to be no less than the last above it."""
 
+_LONG_CELLS, _PARTS_PER_CELL, _MAX_PARTS = 0.5, 2.0, 16
+"""A pixel that covers more of the floor along its ray than the first is shared among the cells it covers; in parts."""
+
 _PER_METRE, _STEPS = 50.0, 700
 """Entries of the table of the noise per metre of depth, and all of them: up to 14 m."""
 
@@ -315,19 +318,20 @@ def _sum_cells(inverse, hole_kind, labels, intrinsics, T, fit, walls, corner, sh
     grid = (x0, y0, 1.0 / size, rows, cols)
     fy = intrinsics[1]
     per_pixel = np.float32(1.0 / (intrinsics[0] * fy * size * size))  # share of a cell that a pixel is at 1 m
+    fall = np.sqrt((T[0, 2] / intrinsics[0]) ** 2 + (T[1, 2] / fy) ** 2) / distance
     noise_at = _noise_table(sigma)
     noise_32, limits_32 = noise_at.astype(np.float32), _limits_32(limits)
     column = np.arange(width).astype(np.float32)
     places = np.empty_like(column), np.empty_like(column), np.empty_like(column)
     scratch = np.empty_like(column), np.empty_like(column), np.empty_like(column)
     for v in range(height):
-        rays = _row_rays(T, intrinsics, v)
+        rays = pixel_rays(T, intrinsics, v)
         _row_places(inverse[v], column, rays, distance, walls, places)
         _sort_row(inverse[v], labels[v], column, rays, distance, places, noise_32, limits_32, scratch, kind[v])
         if _has_holes(hole_kind[v]):
-            _add_holes(hole_kind[v], rays, distance, grid, per_pixel, sums)
+            _add_holes(hole_kind[v], rays, (distance, fy, per_pixel, fall), grid, sums)
         _add_row(
-            inverse[v], labels[v], rays, (distance, fy, per_pixel), places, noise_at, limits, grid,
+            inverse[v], labels[v], rays, (distance, fy, per_pixel, fall), places, noise_at, limits, grid,
             kind[v], cell[v], (sums, surface, stands),
         )  # fmt: skip
     _spread(surface, _NEXT_TO_M / size, sums)
@@ -344,7 +348,7 @@ def _limits_32(limits):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _row_rays(T, intrinsics, v):  # type: ignore[no-untyped-def]
+def pixel_rays(T, intrinsics, v):  # type: ignore[no-untyped-def]
     """Rays of a row in floor axes (ahead, to the left, up): each that of pixel 0, and how much more per pixel."""
     fx, fy, cx, cy = intrinsics
     ry = (v - cy) / fy
@@ -401,22 +405,46 @@ def _foot(rays, u, distance, grid):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _add_holes(hole_kinds, rays, distance, grid, per_pixel, sums):  # type: ignore[no-untyped-def]
+def _share_out(sums, which, z, across, fall, per_pixel, grid):  # type: ignore[no-untyped-def]
+    """Add a pixel of floor to the cells that it covers along its ray.
+
+    `across` : way ahead and to the left per metre of depth. `fall` : by how much the inverse depth of the floor differs
+    from one pixel to the next. `per_pixel` : share of a cell that a pixel covers at 1 m, over the camera's height.
+    """
+    x0, y0, per_metre, rows, cols = grid
+    n = min(int(_PARTS_PER_CELL * z * z * fall * per_metre) + 1, _MAX_PARTS)
+    for k in range(n):
+        nearness = 1.0 / z + ((k + 0.5) / n - 0.5) * fall
+        if nearness <= 0.0:  # the pixel reaches the horizon
+            continue
+        part = 1.0 / nearness
+        i, j = int(np.floor((across[1] * part - y0) * per_metre)), int(np.floor((across[0] * part - x0) * per_metre))
+        if 0 <= i < rows and 0 <= j < cols:
+            sums[i, j, which] += per_pixel * part * part * part / n
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_holes(hole_kinds, rays, camera, grid, sums):  # type: ignore[no-untyped-def]
     """Add the pixels of a row without depth to the cells that they would be floor of."""
+    distance, _, per_pixel, fall = camera
     for u in range(len(hole_kinds)):
         if hole_kinds[u] == MEASURED or rays[4] + rays[5] * u >= _DOWN:
             continue
         z, i, j = _foot(rays, u, distance, grid)
         if i >= 0:
             which = BRIDGE if hole_kinds[u] == BRIDGED else BLIND
-            sums[i, j, which] += per_pixel * z * z * z / distance
+            if z * z * fall * grid[2] < _LONG_CELLS:
+                sums[i, j, which] += per_pixel * z * z * z / distance
+            else:
+                across = rays[0] + rays[1] * u, rays[2] + rays[3] * u
+                _share_out(sums, which, z, across, fall, per_pixel / distance, grid)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")  # a call would hand over all these arrays per row
 def _add_row(inverse, labels, rays, camera, places, noise_at, limits, grid, kinds, cell, cells):  # type: ignore[no-untyped-def]
     """Add the pixels of a row to the cells; write their final kinds, and the cells they count in."""
     ax0, ax1, ay0, ay1, az0, az1 = rays
-    distance, fy, per_pixel = camera
+    distance, fy, per_pixel, fall = camera
     depth, high, inside = places
     sums, surface, stands = cells
     lowest, factor, _ = limits
@@ -440,11 +468,13 @@ def _add_row(inverse, labels, rays, camera, places, noise_at, limits, grid, kind
             if i < 0:
                 continue
             cell[u] = i * cols + j
-            share = per_pixel * z * z * z / distance
             if what == HOLE_PIXEL:
-                sums[i, j, HOLE] += share
+                sums[i, j, HOLE] += per_pixel * z * z * z / distance
                 continue
-            sums[i, j, SEEN] += share
+            if z * z * fall * per_metre < _LONG_CELLS:
+                sums[i, j, SEEN] += per_pixel * z * z * z / distance
+            else:
+                _share_out(sums, SEEN, z, (ax0 + ax1 * u, ay0 + ay1 * u), fall, per_pixel / distance, grid)
             sums[i, j, HEIGHT] += h
             sums[i, j, FLOOR_PIXELS] += np.float32(1.0)
         elif what >= _FLYING_PIXEL:

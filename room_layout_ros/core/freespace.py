@@ -29,6 +29,7 @@ from .floor_frame import floor_frame, room_outline, walls_on_floor
 from .floor_plane import FloorPlane, fit_floor, remove_bias
 from .frame import CameraIntrinsics, RgbdFrame
 from .free_cells import blind_cells, decide_cells, floor_levels, occupied_cells
+from .level_things import hide_below_level_things
 from .low_things import find_low_things
 from .overhang import hide_overhung
 from .scan import RangeScan, cast_scan
@@ -127,6 +128,9 @@ def compute_free_space(
         corner,
         config.robot_height_m,
         config.obstacle_margin_m,
+    )
+    hide_below_level_things(
+        grid, holes.inverse_depth, cells.kind, estimate.labels, cells.cell, camera, T_camera_floor, corner
     )
     size, (x0, y0) = cells.resolution_m, cells.origin_m
     box = (x0, y0, x0 + grid.shape[1] * size, y0 + grid.shape[0] * size)

@@ -29,6 +29,10 @@ it if `_MIN_HIDDEN` looks in all meet something, be it a table far before the so
 _DARK_LOOKS, _MIN_DARK = 5, 3
 """Nobody knows what stands over floor where so many of the first looks meet something, however far before."""
 
+_LOW_M = 0.22
+"""Floor is below a thing too where `_MIN_DARK` of the first `_DARK_LOOKS` meet it no higher than this over the floor,
+however far before: a robot's low camera sees floor below a bed, and the front of the bed a metre before that."""
+
 _GOES_ON_M = 0.15
 """What has floor below it goes on so far over such floor: a table hides the rest of the sofa."""
 
@@ -194,7 +198,8 @@ def _look_over(inverse, kind, intrinsics, foot, up, steps):  # type: ignore[no-u
     fx, fy, cx, cy = intrinsics
     px, py, pz = foot
     height, width = inverse.shape
-    met = hidden = low = dark = 0
+    met = hidden = low = dark = under = 0
+    above_floor = -(up[0] * px + up[1] * py + up[2] * pz)
     for k in range(1, steps + 1):
         h = k * _STEP_M
         z = pz + up[2] * h
@@ -215,6 +220,10 @@ def _look_over(inverse, kind, intrinsics, foot, up, steps):  # type: ignore[no-u
             continue
         met += 1
         dark += k <= _DARK_LOOKS
+        # height at which the look is met: as far along the line from the camera as what is seen there
+        under += k <= _DARK_LOOKS and above_floor + (h - above_floor) / (inverse[v, u] * z) < _LOW_M
+        if under >= _MIN_DARK:
+            return BELOW
         if (z - _COVER_M[1]) * inverse[v, u] < 1.0:
             hidden += _MIN_HIDDEN if cut and thing else 1
             low += thing and k <= _LOW_LOOKS and (z - _DEEP_M) * inverse[v, u] < 1.0

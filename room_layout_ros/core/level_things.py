@@ -1,0 +1,227 @@
+"""What hangs over the floor and is seen from about its own height: of a table's top a robot sees little but the edge.
+
+The overhang's look up from the floor (`overhang.py`) needs a piece of the thing that is as high as a hand is long. Here
+each column of the picture is followed upwards instead, over the things that it meets: floor is under their pixels; it is
+under what lies between two of them on one level; under pixels without depth that are labelled as the thing and
+lie behind its edge, for a sensor loses a top that it sees flat; and as far behind the edge as a level surface can go on
+without a pixel more.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from .floor_cells import FREE_CELL, OBSTACLE_PIXEL, UNKNOWN_CELL, pixel_rays
+from .frame import CameraIntrinsics
+from .labels import CLUTTER
+
+_HANGS_M = 0.12
+"""What begins lower stands on the floor: as far as it is seen, its cells hold its surface."""
+
+_SAME_LEVEL_M, _SAME_RANGE_M = 0.08, 0.5
+"""The next pixel up is of the same thing if it is no farther from the last in height, and over the floor."""
+
+_THIN_M, _DEEP_M, _SHALLOW_M = 0.10, 0.8, 0.1
+"""The edge of a level surface is no higher than the first; such a surface may go on for the second, others for the third
+behind the farthest pixel."""
+
+_DEEPEST_M = 1.5
+"""So far a surface goes on over pixels without depth."""
+
+_CLOSING = np.ones((3, 3), np.uint8)
+"""Between two hidden cells there is no free one."""
+
+_LEVEL = 1e-6
+"""Rays that rise or fall by no more are level."""
+
+_SIDEWAYS = 1e-9
+
+_NOTHING, _PIXEL, _THING, _NO_DEPTH = range(4)
+"""What a column follows: nothing, one pixel (a single one may be a stray), a thing, pixels without depth behind its edge."""
+
+_LAST, _LOWEST, _UNDERSIDE, _RANGE, _HEIGHT, _LOST_FROM = range(6)
+"""Of a column: inverse depth of the last pixel of the thing; height of the first; how far the underside may go on, by the
+ray below that (inf). Where the depth is lost: distance from below the camera that was reached, height, and from where."""
+
+
+def hide_below_level_things(
+    grid: NDArray[np.int8],
+    inverse_depth: NDArray[np.float32],
+    kind: NDArray[np.uint8],
+    labels: NDArray[np.uint8],
+    cell: NDArray[np.int32],
+    camera: CameraIntrinsics,
+    T_camera_floor: NDArray[np.float64],
+    corner: tuple[float, float, float],
+) -> None:
+    """Make free cells unknown that lie below a thing, as far as its pixels, or what may be behind its edge, tell.
+
+    Parameters
+    ----------
+    grid : (rows, cols) int8, changed in place. inverse_depth : (H, W) float32, 0 where nothing was measured.
+    kind, cell : (H, W) uint8 and int32 of `sum_floor_cells`. labels : (H, W) uint8 of the estimate.
+    corner : x and y of the lower corner of cell (0, 0), and the side of a cell; m.
+    """
+    images, intrinsics, T = _upright((inverse_depth, kind, labels, cell), camera, T_camera_floor)
+    below = _follow_columns(*images, intrinsics, T, corner, grid)
+    closed = cv2.morphologyEx(below.astype(np.uint8), cv2.MORPH_CLOSE, _CLOSING)
+    grid[(closed > 0) & (grid == FREE_CELL)] = UNKNOWN_CELL
+
+
+Images = tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int32]]
+
+
+def _upright(
+    images: Images, camera: CameraIntrinsics, T: NDArray[np.float64]
+) -> tuple[Images, tuple[float, float, float, float], NDArray[np.float64]]:
+    """Turn images, intrinsics and pose by quarters until down in the room is down in the picture."""
+    intrinsics, height_width = (camera.fx, camera.fy, camera.cx, camera.cy), (camera.height, camera.width)
+    quarters = 0
+    while -T[1, 2] < abs(T[0, 2]):
+        fx, fy, cx, cy = intrinsics
+        intrinsics, T = (fy, fx, cy, height_width[1] - 1 - cx), np.stack([T[1], -T[0], T[2]])
+        height_width = height_width[::-1]
+        quarters += 1
+    if quarters:
+        inverse, kind, labels, cell = (np.ascontiguousarray(np.rot90(image, quarters)) for image in images)
+        images = (inverse, kind, labels, cell)
+    return images, intrinsics, np.ascontiguousarray(T[:3])
+
+
+@njit(cache=True, nogil=True)
+def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  # type: ignore[no-untyped-def]
+    """(rows, cols) bool: cells below a thing by at least two columns."""
+    height, width = inverse.shape
+    free = grid.ravel() == FREE_CELL
+    first, hidden = np.full(grid.shape, -1, np.int32), np.zeros(grid.shape, np.bool_)
+    over = first, hidden
+    above_floor = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
+    closer = np.float32(0.5 * corner[2])
+    follows, columns = np.zeros(width, np.uint8), np.zeros((width, 6))
+    for v in range(height - 1, -1, -1):
+        ax0, ax1, ay0, ay1, az0, az1 = pixel_rays(T, intrinsics, v)
+        down = T[1, 0] / intrinsics[1], T[1, 1] / intrinsics[1], T[1, 2] / intrinsics[1]  # from a pixel to that below
+        for u in range(width):
+            thing = kind[v, u] == OBSTACLE_PIXEL
+            if not thing and follows[u] == _NOTHING:
+                continue
+            w, column = inverse[v, u], columns[u]
+            goes_on = thing and follows[u] in (_PIXEL, _THING) and abs(w - column[_LAST]) < closer * w * column[_LAST]
+            if goes_on and (cell[v, u] < 0 or not free[cell[v, u]]):
+                column[_LAST], follows[u] = w, _THING
+                continue
+            ax, ay, up = ax0 + ax1 * u, ay0 + ay1 * u, az0 + az1 * u
+            along = max(np.sqrt(ax * ax + ay * ay), _SIDEWAYS)
+            along_below = np.sqrt((ax + down[0]) ** 2 + (ay + down[1]) ** 2)
+            rays = (ax / along, ay / along, along, up, along_below, up + down[2])
+            if thing:
+                follows[u] = _meet(follows[u], goes_on, column, w, rays, above_floor, over, u, corner)
+                if follows[u] == _PIXEL and up > 0.0:
+                    n = _rows_to_depth(inverse, labels, v, u)
+                    rises, way = up + n * down[2], np.sqrt((ax + n * down[0]) ** 2 + (ay + n * down[1]) ** 2)
+                    column[_UNDERSIDE] = way * (up / w) / rises if rises > _LEVEL else np.inf
+            elif w <= 0.0 and labels[v, u] == CLUTTER:
+                follows[u] = _go_on_without_depth(follows[u], column, rays, above_floor, over, u, corner)
+            else:
+                _end(follows[u], column, along / w if w > 0.0 else np.inf, rays, above_floor, over, u, corner)
+                follows[u] = _NOTHING
+    return hidden
+
+
+@njit(cache=True, nogil=True)
+def _rows_to_depth(inverse, labels, v, u):  # type: ignore[no-untyped-def]
+    """Rows down to the first pixel that is not a thing without depth: an underside that is seen flat loses its depth too."""
+    n = 1
+    while v + n < len(inverse) and inverse[v + n, u] <= 0.0 and labels[v + n, u] == CLUTTER:
+        n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _last_seen(follows, column, rays, above_floor):  # type: ignore[no-untyped-def]
+    """Distance from below the camera and height of what a column came to."""
+    if follows == _NO_DEPTH:
+        return column[_RANGE], column[_HEIGHT]
+    z = 1.0 / column[_LAST]
+    return rays[4] * z, above_floor + rays[5] * z
+
+
+@njit(cache=True, nogil=True)
+def _meet(follows, goes_on, column, w, rays, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
+    """Follow a column on to a pixel of a thing, the same as that of the last (as is sure if it `goes_on`) or another.
+
+    `rays` : unit vector over the floor, ahead and to the left; way over the floor and up per metre of depth; both of the
+    pixel below.
+    """
+    _, _, along, up, _, _ = rays
+    r, h = along / w, above_floor + up / w
+    last, same = r, goes_on
+    if follows != _NOTHING:
+        last, last_height = _last_seen(follows, column, rays, above_floor)
+        near = r > last - _SHALLOW_M if follows == _NO_DEPTH else abs(r - last) < _SAME_RANGE_M
+        same = goes_on or (near and abs(h - last_height) < _SAME_LEVEL_M)
+    if not same:
+        _end(follows, column, r, rays, above_floor, over, u, corner)
+        column[_LOWEST] = h
+    elif h >= _HANGS_M:
+        _mark(over, u, rays, last, r, corner)
+    column[_LAST] = w
+    return _THING if same else _PIXEL
+
+
+@njit(cache=True, nogil=True)
+def _go_on_without_depth(follows, column, rays, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
+    """Follow a column on where the depth is lost: as if on the level of the last pixel with depth."""
+    _, _, along, up, _, _ = rays
+    last, h = _last_seen(follows, column, rays, above_floor)
+    if h < _HANGS_M or follows == _PIXEL:
+        return _NOTHING
+    if follows == _THING:
+        column[_LOST_FROM], column[_HEIGHT] = last, h
+    r = along * (h - above_floor) / up if up < -_LEVEL else -1.0
+    if 0.0 < r < column[_LOST_FROM] + _DEEPEST_M:
+        column[_RANGE] = max(last, r)
+        _mark(over, u, rays, last, column[_RANGE], corner)
+        return _NO_DEPTH
+    _mark(over, u, rays, last, column[_LOST_FROM] + _DEEP_M, corner)
+    return _NOTHING
+
+
+@njit(cache=True, nogil=True)
+def _end(follows, column, beyond, rays, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
+    """Leave what a column followed: behind its farthest pixel a level surface may go on unseen.
+
+    It ends before the next ray would meet its top from above, or the ray below its first pixel its underside from
+    below; seen from its own height neither tells. `beyond` : distance of what is seen next.
+    """
+    if follows in (_NOTHING, _PIXEL):
+        return
+    _, _, along, up, _, _ = rays
+    r, h = _last_seen(follows, column, rays, above_floor)
+    lowest = column[_LOWEST]
+    if min(h, lowest) < _HANGS_M or beyond < r:
+        return
+    far = r + (_DEEP_M if h - lowest < _THIN_M else _SHALLOW_M)
+    if up < -_LEVEL and h < above_floor:
+        far = min(far, along * (h - above_floor) / up)
+    if lowest > above_floor:
+        far = min(far, column[_UNDERSIDE])
+    _mark(over, u, rays, r, min(far, beyond), corner)
+
+
+@njit(cache=True, nogil=True)
+def _mark(over, u, rays, near, far, corner):  # type: ignore[no-untyped-def]
+    """Mark the cells along a ray from one distance to another; those marked by two columns are hidden."""
+    first, hidden = over
+    x0, y0, size = corner
+    rows, cols = first.shape
+    steps = int(2.0 * abs(far - near) / size) + 1
+    for k in range(steps + 1):
+        r = near + (far - near) * k / steps
+        i, j = int(np.floor((rays[1] * r - y0) / size)), int(np.floor((rays[0] * r - x0) / size))
+        if 0 <= i < rows and 0 <= j < cols:
+            hidden[i, j] |= first[i, j] >= 0 and first[i, j] != u
+            first[i, j] = u

@@ -1,0 +1,114 @@
+"""The slow obvious twin of what hides floor below level things: column by column, in Python."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from room_layout_ros.core.floor_cells import OBSTACLE_PIXEL
+from room_layout_ros.core.frame import CameraIntrinsics
+from room_layout_ros.core.labels import CLUTTER
+
+Ray = NDArray[np.float64]
+"""Ahead, to the left and up in the room, per metre of depth."""
+
+
+@dataclass
+class Thing:
+    """What a column follows: heights of its first and last pixel, distance reached, and from where without depth."""
+
+    lowest: float
+    height: float
+    reached: float
+    depth_m: float
+    underside: float = np.inf
+    lost_from: float | None = None
+    pixels: int = 1
+
+
+def naive_below(
+    inverse: NDArray[np.float32],
+    kind: NDArray[np.uint8],
+    labels: NDArray[np.uint8],
+    camera: CameraIntrinsics,
+    T: NDArray[np.float64],
+    corner: tuple[float, float, float],
+    shape: tuple[int, int],
+) -> NDArray[np.bool_]:
+    """(rows, cols) bool: cells over which two columns of the picture, whose down is down, tell of a thing."""
+    columns: dict[tuple[int, int], set[int]] = defaultdict(set)
+    stands = float(-T[:3, 2] @ T[:3, 3])
+
+    def ray(u: int, v: int) -> Ray:
+        return np.asarray(T[:3, :3].T @ ((u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0))
+
+    def mark(u: int, way: Ray, near: float, far: float) -> None:
+        toward = way[:2] / np.hypot(*way[:2])
+        for r in np.linspace(near, far, int(2 * abs(far - near) / corner[2]) + 2):
+            j, i = (int(np.floor(c)) for c in (toward * r - corner[:2]) / corner[2])
+            if 0 <= i < shape[0] and 0 <= j < shape[1]:
+                columns[i, j].add(u)
+
+    def leave(thing: Thing | None, u: int, way: Ray, beyond: float) -> None:
+        if thing is None or thing.pixels < 2 or min(thing.height, thing.lowest) < 0.12 or beyond < thing.reached:
+            return
+        far = thing.reached + (0.8 if thing.height - thing.lowest < 0.1 else 0.1)
+        if way[2] < -1e-6 and thing.height < stands:
+            far = min(far, np.hypot(*way[:2]) * (thing.height - stands) / way[2])
+        if thing.lowest > stands:
+            far = min(far, thing.underside)
+        mark(u, way, thing.reached, min(far, beyond))
+
+    def meet(thing: Thing | None, u: int, v: int) -> Thing:
+        way, depth = ray(u, v), 1.0 / float(inverse[v, u])
+        r, h = float(np.hypot(*way[:2])) * depth, stands + way[2] * depth
+        if thing is not None:
+            closer = thing.lost_from is None and abs(depth - thing.depth_m) < 0.5 * corner[2]
+            near = abs(r - thing.reached) < 0.5 if thing.lost_from is None else r > thing.reached - 0.1
+            if not closer and not (near and abs(h - thing.height) < 0.08):
+                leave(thing, u, way, r)
+                thing = None
+        if thing is None:
+            thing, under = Thing(h, h, r, depth), v + 1
+            while under < camera.height and inverse[under, u] <= 0 and labels[under, u] == CLUTTER:
+                under += 1
+            below = ray(u, under)
+            if h > stands and below[2] > 1e-6:
+                thing.underside = float(np.hypot(*below[:2])) * (h - stands) / below[2]
+        else:
+            thing.pixels += 1
+            if h >= 0.12:
+                mark(u, way, thing.reached, r)
+        thing.height, thing.reached, thing.depth_m, thing.lost_from = h, r, depth, None
+        return thing
+
+    def go_on(thing: Thing, u: int, way: Ray) -> Thing | None:
+        if thing.height < 0.12 or thing.pixels < 2:
+            return None
+        thing.lost_from = thing.reached if thing.lost_from is None else thing.lost_from
+        r = float(np.hypot(*way[:2])) * (thing.height - stands) / way[2] if way[2] < -1e-6 else -1.0
+        if not 0 < r < thing.lost_from + 1.5:
+            mark(u, way, thing.reached, thing.lost_from + 0.8)
+            return None
+        mark(u, way, thing.reached, max(r, thing.reached))
+        thing.reached = max(r, thing.reached)
+        return thing
+
+    for u in range(camera.width):
+        thing: Thing | None = None
+        for v in range(camera.height - 1, -1, -1):
+            w, way = float(inverse[v, u]), ray(u, v)
+            if kind[v, u] == OBSTACLE_PIXEL:
+                thing = meet(thing, u, v)
+            elif thing is not None and w <= 0 and labels[v, u] == CLUTTER:
+                thing = go_on(thing, u, way)
+            elif thing is not None:
+                leave(thing, u, way, float(np.hypot(*way[:2])) / w if w > 0 else np.inf)
+                thing = None
+    hidden = np.zeros(shape, np.bool_)
+    for cell, seen_by in columns.items():
+        hidden[cell] = len(seen_by) > 1
+    return hidden

@@ -1,0 +1,109 @@
+"""Floor below what hangs over it, seen from about its own height; against scenes, the slow twin and turned cameras."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from furnished import GREY, box, empty, free_space_of, with_truth
+from naive_level_things import naive_below
+from numpy.typing import NDArray
+
+from room_layout_ros.core.floor_cells import FREE_CELL, OBSTACLE_PIXEL, UNKNOWN_CELL, WALL_PIXEL
+from room_layout_ros.core.floor_frame import floor_frame
+from room_layout_ros.core.frame import CameraIntrinsics
+from room_layout_ros.core.labels import CLUTTER, FLOOR
+from room_layout_ros.core.level_things import hide_below_level_things
+from room_layout_ros.datasets.synthetic import KINECT, NOISES, camera_pose, render
+from room_layout_ros.datasets.synthetic.shapes import Solid
+
+CORNER = (0.0, -2.0, 0.097)
+SHAPE = (41, 41)
+CAMERA = CameraIntrinsics(80, 60, 70.0, 72.0, 39.3, 30.2)
+HEIGHT_M = 0.8
+
+View = tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int32]]
+
+
+def pose(pitch: float, roll: float = 0.0) -> NDArray[np.float64]:
+    normal = np.array([np.sin(roll), np.cos(roll) * np.cos(pitch), -np.sin(pitch)])
+    return floor_frame(normal / np.linalg.norm(normal), HEIGHT_M)
+
+
+def slabs(rng: np.random.Generator, T: NDArray[np.float64]) -> View:
+    """Level tops at random places and heights, some of their pixels without depth, before a wall at 5 m."""
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
+    pixels = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones(u.shape)], axis=-1)
+    rays = pixels @ T[:3, :3]
+    depth, thing = np.full(u.shape, 5.0), np.zeros(u.shape, np.bool_)
+    for _ in range(6):
+        level, (near, width, left) = rng.uniform(0.05, 1.4), rng.uniform((1.0, 0.2, -1.0), (3.0, 1.0, 1.0))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for z in ((level - HEIGHT_M) / rays[..., 2], near / rays[..., 0]):  # its surface, its edge
+                x, y, h = (rays[..., k] * z + (HEIGHT_M if k == 2 else 0.0) for k in range(3))
+                on = (near - 1e-6 <= x) & (x < near + width) & (abs(y - left) < 0.4) & (abs(h - level) < 0.021)
+                on &= (z > 0.2) & (z < depth)
+                depth[on], thing[on] = z[on], True
+    lost = thing & (rng.random(u.shape) < 0.2)
+    inverse = np.where(lost, 0.0, 1.0 / depth).astype(np.float32)
+    kind = np.where(thing & ~lost, OBSTACLE_PIXEL, WALL_PIXEL).astype(np.uint8)
+    kind[lost] = 0
+    labels = np.where(thing, CLUTTER, FLOOR).astype(np.uint8)
+    at = rays[..., :2] / np.maximum(inverse, 1e-6)[..., None]
+    j, i = (np.floor((at[..., k] - CORNER[k]) / CORNER[2]).astype(int) for k in range(2))
+    inside = (i >= 0) & (j >= 0) & (i < SHAPE[0]) & (j < SHAPE[1]) & (inverse > 0)
+    return inverse, kind, labels, np.where(inside, i * SHAPE[1] + j, -1).astype(np.int32)
+
+
+def hidden(
+    view: View, camera: CameraIntrinsics, T: NDArray[np.float64], free: NDArray[np.bool_] | None = None
+) -> NDArray[np.bool_]:
+    grid = np.where(np.ones(SHAPE, np.bool_) if free is None else free, FREE_CELL, UNKNOWN_CELL).astype(np.int8)
+    hide_below_level_things(grid, *view, camera, T, CORNER)
+    return grid != FREE_CELL
+
+
+@pytest.mark.parametrize("pitch", [-0.4, -0.1, 0.15])
+def test_floor_is_hidden_where_the_slow_twin_says(pitch: float) -> None:
+    some = 0
+    for seed in range(8):
+        T = pose(pitch)
+        view = slabs(np.random.default_rng(seed), T)
+        expected = naive_below(*view[:3], CAMERA, T, CORNER, SHAPE)
+        closed = cv2.morphologyEx(expected.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)) > 0
+        np.testing.assert_array_equal(hidden(view, CAMERA, T), closed)
+        free = np.random.default_rng(seed).random(SHAPE) < 0.7
+        assert not (hidden(view, CAMERA, T, free) & free & ~closed).any()
+        some += int(closed.sum())
+    assert some > 100
+
+
+def test_a_camera_turned_by_quarters_sees_the_same() -> None:
+    T = pose(-0.1)
+    view, camera = slabs(np.random.default_rng(3), T), CAMERA
+    expected = hidden(view, camera, T)
+    assert expected.any()
+    for _ in range(3):
+        # a quarter turn of the camera: what was right is down
+        view = tuple(np.ascontiguousarray(np.rot90(image)) for image in view)  # type: ignore[assignment]
+        camera = CameraIntrinsics(
+            camera.height, camera.width, camera.fy, camera.fx, camera.cy, camera.width - 1 - camera.cx
+        )
+        T = np.stack([T[1], -T[0], T[2], T[3]])
+        np.testing.assert_array_equal(hidden(view, camera, T), expected)
+
+
+@pytest.mark.parametrize("noise", ["clean", "kinect", "stereo"])
+@pytest.mark.parametrize("height", [0.55, 0.72, 0.8])
+def test_below_a_table_at_the_cameras_height_nothing_is_free(height: float, noise: str) -> None:
+    """A table of 1.4 x 0.8 m, 75 cm high, of whose top a robot's low camera sees the edge alone."""
+    top = Solid(0.7, 0.0, 0.0, 0.8, 1.4, 0.71, 0.75, 5, GREY, thing=1)
+    room = empty(top, *(box(0.7 + x, y, 0.05, 0.71) for x in (-0.35, 0.35) for y in (-0.65, 0.65)))
+    sample = render(room, KINECT, camera_pose(-1.4, 0.0, height, 0.0, -0.15), NOISES[noise], np.random.default_rng(5))
+    grid = free_space_of(sample.frame, with_truth(sample))
+    (x0, y0), (rows, cols) = grid.origin_m, grid.grid.shape
+    ahead, aside = x0 + 0.05 * (np.arange(cols) + 0.5), y0 + 0.05 * (np.arange(rows) + 0.5)
+    free = grid.grid == FREE_CELL
+    # its top covers 1.7-2.5 m ahead, 0.7 m to either side
+    assert not free[np.ix_(abs(aside) < 0.65, (ahead > 1.75) & (ahead < 2.45))].any()
+    assert free[np.ix_(abs(aside) < 0.3, (ahead > 1.2) & (ahead < 1.5))].mean() > 0.7  # stereo loses some floor
