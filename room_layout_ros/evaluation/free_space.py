@@ -43,6 +43,22 @@ CHECKED_M = (1.0, 3.0)
 OBSTACLE_M = 0.05
 """Height from which on a thing is an obstacle in that check."""
 
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """A camera on a robot: its optics, and the ranges of its height over the floor and of its pitch."""
+
+    camera: CameraIntrinsics
+    height_m: tuple[float, float]
+    pitch_deg: tuple[float, float]
+
+
+MOUNTS = {
+    "high": Mount(KINECT, (1.1, 1.65), (-18.0, -3.0)),
+    "middle": Mount(KINECT, (0.5, 0.9), (-20.0, -3.0)),
+    "low": Mount(CameraIntrinsics(848, 480, 424.0, 424.0, 423.5, 239.5), (0.25, 0.45), (-8.0, 4.0)),
+}
+"""Held by hand or on a tall robot; at the height of table tops; wide, on a vacuum cleaner."""
+
 _FURNISHED: dict[str, Any] = {"small_objects": 12, "furniture": 0.6}
 _SAMPLES = 5
 _FINE_M = 0.005
@@ -238,13 +254,15 @@ def floor_in_sight(
 
 
 def random_views(
-    seeds: Iterable[int], stream: int, noise: str, kind: str = "cuboid"
+    seeds: Iterable[int], stream: int, noise: str, kind: str = "cuboid", mount: str = "high"
 ) -> Iterator[tuple[SyntheticRoom, Sample]]:
-    """Yield furnished rooms with 12 things of 3-10 cm on the floor, each from a random pose."""
+    """Yield furnished rooms with 12 things of 3-10 cm on the floor, each from a random pose of a camera of `MOUNTS`."""
+    m = MOUNTS[mount]
     for seed in seeds:
         rng = np.random.default_rng([seed, stream])
         room = random_scene(rng, kind, **_FURNISHED)
-        yield room, render(room, KINECT, random_pose(room, rng), NOISES[noise], rng, name=str(seed))
+        pose = random_pose(room, rng, m.height_m, m.pitch_deg)
+        yield room, render(room, m.camera, pose, NOISES[noise], rng, name=str(seed))
 
 
 def views_of_walk(
