@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .protocols import StampLike
+from room_layout_ros.decoding.protocols import StampLike
 
 NS_PER_S = 1_000_000_000
 

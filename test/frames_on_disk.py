@@ -8,7 +8,7 @@ import numpy as np
 
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.datasets import FrameTruth, Sample
-from room_layout_ros.datasets.images import depth_from_millimetres
+from room_layout_ros.decoding.image import depth_from_mm
 from room_layout_ros.datasets.synthetic import camera_pose
 from room_layout_ros.datasets.writers import FolderWriter
 
@@ -24,7 +24,7 @@ def make_samples(count: int, rng: np.random.Generator, camera: CameraIntrinsics 
         depth_mm = rng.integers(0, 9000, size).astype(np.uint16)
         depth_mm[rng.random(size) < 0.2] = 0
         stamp_ns = 1_700_000_000_123_456_789 + i * 33_366_701
-        frame = RgbdFrame(camera, color, depth_from_millimetres(depth_mm), stamp_ns, "optical", f"frame_{i * 7:03d}")
+        frame = RgbdFrame(camera, color, depth_from_mm(depth_mm), stamp_ns, "optical", f"frame_{i * 7:03d}")
         truth = FrameTruth(rng.integers(1, 6, size).astype(np.uint8), rng.integers(0, 41, size).astype(np.uint8))
         samples.append(Sample(frame, truth, camera_pose(0.1 * i, -1.0, 1.4, 0.3 * i, -0.2, 0.01)))
     return samples

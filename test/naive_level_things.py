@@ -55,7 +55,7 @@ def naive_below(
     def leave(thing: Thing | None, u: int, way: Ray, beyond: float) -> None:
         if thing is None or thing.pixels < 2 or min(thing.height, thing.lowest) < 0.12 or beyond < thing.reached:
             return
-        far = thing.reached + (0.8 if thing.height - thing.lowest < 0.1 else 0.1)
+        far = thing.reached + (1.2 if thing.height - thing.lowest < 0.1 else 0.1)
         if way[2] < -1e-6 and thing.height < stands:
             far = min(far, np.hypot(*way[:2]) * (thing.height - stands) / way[2])
         if thing.lowest > stands:
@@ -91,7 +91,7 @@ def naive_below(
         thing.lost_from = thing.reached if thing.lost_from is None else thing.lost_from
         r = float(np.hypot(*way[:2])) * (thing.height - stands) / way[2] if way[2] < -1e-6 else -1.0
         if not 0 < r < thing.lost_from + 1.5:
-            mark(u, way, thing.reached, thing.lost_from + 0.8)
+            mark(u, way, thing.reached, thing.lost_from + 1.2)
             return None
         mark(u, way, thing.reached, max(r, thing.reached))
         thing.reached = max(r, thing.reached)

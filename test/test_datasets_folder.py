@@ -21,7 +21,8 @@ from room_layout_ros.datasets import (
     open_source,
 )
 from room_layout_ros.datasets.calibration import read_calibration, write_calibration
-from room_layout_ros.datasets.images import depth_from_millimetres, depth_to_millimetres, read_depth
+from room_layout_ros.datasets.images import depth_to_millimetres, read_depth
+from room_layout_ros.decoding.image import depth_from_mm
 from room_layout_ros.learning.frames_apart import frames_apart, read_frame
 
 
@@ -40,7 +41,7 @@ def test_a_written_folder_reads_back_equal(tmp_path: Path, rng: np.random.Genera
 
 def test_millimetres_survive_metres_and_back_for_every_value() -> None:
     every = np.arange(65536, dtype=np.uint16).reshape(256, 256)
-    np.testing.assert_array_equal(depth_to_millimetres(depth_from_millimetres(every)), every)
+    np.testing.assert_array_equal(depth_to_millimetres(depth_from_mm(every)), every)
 
 
 def test_labels_are_faces_on_structure_clutter_elsewhere_and_unknown_where_unlabelled() -> None:

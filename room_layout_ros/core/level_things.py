@@ -24,7 +24,7 @@ _HANGS_M = 0.12
 _SAME_LEVEL_M, _SAME_RANGE_M = 0.08, 0.5
 """The next pixel up is of the same thing if it is no farther from the last in height, and over the floor."""
 
-_THIN_M, _DEEP_M, _SHALLOW_M = 0.10, 0.8, 0.1
+_THIN_M, _DEEP_M, _SHALLOW_M = 0.10, 1.2, 0.1
 """The edge of a level surface is no higher than the first; such a surface may go on for the second, others for the third
 behind the farthest pixel."""
 

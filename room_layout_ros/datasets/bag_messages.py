@@ -1,25 +1,26 @@
 """Frames as ROS messages in CDR and back, through rosbags: no ROS installation needed.
 
-The decoder is as strict as msg_adapters' and gives the same bits (a test holds them together); it is its own
-because data sets must not depend on the ROS side.
+Decoding is `room_layout_ros.decoding`, which the live node uses too: a bag is refused for what the node refuses.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from room_layout_ros.core.frame import MAX_SIDE_PX
+from room_layout_ros.decoding import image
+from room_layout_ros.decoding.camera_info import decode_camera_info
+from room_layout_ros.decoding.compressed import decode_compressed_color, decode_compressed_depth
+from room_layout_ros.decoding.text import clean_text
 from room_layout_ros.extras import install_hint
 
 from .calibration import CameraCalibration
 from .errors import DataError
-from .images import decode_image, depth_from_millimetres
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -28,16 +29,7 @@ IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO, POSE = "sensor_msgs/msg/CameraInfo", "geometry_msgs/msg/PoseStamped"
 OCCUPANCY_GRID = "nav_msgs/msg/OccupancyGrid"
 
-_COLOR = {
-    "rgb8": (3, None),
-    "bgr8": (3, cv2.COLOR_BGR2RGB),
-    "rgba8": (4, cv2.COLOR_RGBA2RGB),
-    "bgra8": (4, cv2.COLOR_BGRA2RGB),
-    "mono8": (1, cv2.COLOR_GRAY2RGB),
-}
-_DEPTH = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
-_DEPTH_HEADER_BYTES = 12
-"""compressedDepth puts its quantisation parameters before the PNG."""
+T = TypeVar("T")
 
 
 def need_rosbags() -> None:
@@ -141,75 +133,30 @@ def decode_color(message: Any) -> NDArray[np.uint8]:
     Raises
     ------
     DataError
-        When encoding, size, step or amount of data do not fit.
+        See `decoding.image.decode_color` and `decoding.compressed.decode_compressed_color`.
     """
-    if message.__msgtype__ == COMPRESSED:
-        image = decode_image(message.data.tobytes(), "compressed colour image")
-        if image.dtype != np.uint8:
-            raise DataError(f"compressed colour image has {image.dtype} pixels; uint8 is needed")
-        pixels = image.astype(np.uint8, copy=False)
-        return np.repeat(pixels[..., None], 3, axis=2) if pixels.ndim == 2 else pixels
-    if message.encoding not in _COLOR:
-        raise DataError(f"colour image has encoding {message.encoding[:40]!r}; allowed are {', '.join(_COLOR)}")
-    channels, conversion = _COLOR[message.encoding]
-    pixels = np.ascontiguousarray(_pixels("colour", message, channels, np.dtype(np.uint8)))
-    return pixels if conversion is None else np.asarray(cv2.cvtColor(pixels, conversion), dtype=np.uint8)
+    return _read(decode_compressed_color if message.__msgtype__ == COMPRESSED else image.decode_color, message)
 
 
 def decode_depth(message: Any) -> NDArray[np.float32]:
-    """Return (H, W) float32 metres, NaN = not measured, of an Image or a PNG compressedDepth.
+    """Return (H, W) float32 metres, NaN = not measured, of an Image or a compressedDepth.
 
     Raises
     ------
     DataError
-        When encoding, size, step or amount of data do not fit.
+        See `decoding.image.decode_depth` and `decoding.compressed.decode_compressed_depth`.
     """
-    if message.__msgtype__ == COMPRESSED:
-        return _compressed_depth(message)
-    if message.encoding not in _DEPTH:
-        raise DataError(f"depth image has encoding {message.encoding[:40]!r}; allowed are {', '.join(_DEPTH)}")
-    dtype = np.dtype((">" if message.is_bigendian else "<") + _DEPTH[message.encoding])
-    pixels = _pixels("depth", message, 1, dtype)
-    if dtype.kind == "u":
-        return depth_from_millimetres(pixels.astype(np.uint16))
-    depth_m = pixels.astype(np.float32)
-    depth_m[~((depth_m > 0) & (depth_m < np.inf))] = np.nan
-    return depth_m
-
-
-def _compressed_depth(message: Any) -> NDArray[np.float32]:
-    if not message.format.startswith("16UC1"):
-        raise DataError(f"compressed depth has format {message.format[:40]!r}; 16UC1 as PNG is needed")
-    content = message.data.tobytes()
-    start = 0 if content.startswith(b"\x89PNG") else _DEPTH_HEADER_BYTES
-    image = decode_image(content[start:], "compressed depth image")
-    if image.ndim != 2 or image.dtype != np.uint16:
-        raise DataError(f"compressed depth image has shape {image.shape} of {image.dtype}; uint16 is needed")
-    return depth_from_millimetres(image.astype(np.uint16, copy=False))
+    return _read(decode_compressed_depth if message.__msgtype__ == COMPRESSED else image.decode_depth, message)
 
 
 def decode_index(message: Any, highest: int) -> NDArray[np.uint8]:
     """Return (H, W) uint8 ids of a mono8 image."""
     if message.encoding != "mono8":
-        raise DataError(f"label image has encoding {message.encoding[:40]!r}; mono8 is needed")
-    pixels = np.ascontiguousarray(_pixels("label", message, 1, np.dtype(np.uint8)))
+        raise DataError(f"label image has encoding {clean_text(message.encoding)}; mono8 is needed")
+    pixels = _read(lambda m: np.ascontiguousarray(image.pixels_of("label", m, 1, np.dtype(np.uint8))), message)
     if int(pixels.max(initial=0)) > highest:
         raise DataError(f"label image holds the id {int(pixels.max())}; allowed are 0 to {highest}")
-    return pixels
-
-
-def _pixels(what: str, message: Any, channels: int, dtype: np.dtype[Any]) -> NDArray[Any]:
-    height, width, step = int(message.height), int(message.width), int(message.step)
-    if not (0 < height <= MAX_SIDE_PX and 0 < width <= MAX_SIDE_PX):
-        raise DataError(f"{what} image is {width}x{height}; each side must be 1 to {MAX_SIDE_PX} pixels")
-    row = width * channels * dtype.itemsize
-    if step < row or message.data.size != step * height:
-        raise DataError(
-            f"{what} image has {message.data.size} bytes in rows of {step}; {height} rows of at least {row} are needed"
-        )
-    rows = message.data.reshape(height, step)[:, :row]
-    pixels = np.ascontiguousarray(rows).view(dtype).reshape(height, width, channels)
-    return pixels if channels > 1 else pixels[..., 0]
+    return pixels.astype(np.uint8, copy=False)
 
 
 def decode_calibration(message: Any) -> CameraCalibration:
@@ -218,15 +165,13 @@ def decode_calibration(message: Any) -> CameraCalibration:
     Raises
     ------
     DataError
-        When it is uncalibrated.
+        See `decoding.camera_info.decode_camera_info`.
     """
+    camera = _read(decode_camera_info, message).camera
     K, P = [float(v) for v in message.k], [float(v) for v in message.p]
-    roi = message.roi
-    cut = bool(roi.width or roi.height)
     bx, by = max(int(message.binning_x), 1), max(int(message.binning_y), 1)
-    x0, y0 = (int(roi.x_offset), int(roi.y_offset)) if cut else (0, 0)
-    width = (int(roi.width) or int(message.width)) // bx
-    height = (int(roi.height) or int(message.height)) // by
+    cut = bool(message.roi.width or message.roi.height)
+    x0, y0 = (int(message.roi.x_offset), int(message.roi.y_offset)) if cut else (0, 0)
     if cut or bx > 1 or by > 1:
         for values, fx, fy, cx, cy in ((K, 0, 4, 2, 5), (P, 0, 5, 2, 6)):
             if values[fx]:
@@ -234,9 +179,15 @@ def decode_calibration(message: Any) -> CameraCalibration:
                 values[cx] = (values[cx] - x0 + 0.5) / bx - 0.5
                 values[cy] = (values[cy] - y0 + 0.5) / by - 0.5
     D, R = tuple(float(v) for v in message.d), tuple(float(v) for v in message.r)
-    return CameraCalibration(
-        width, height, tuple(K), D, R, tuple(P), str(message.distortion_model), str(message.header.frame_id)
-    )
+    model, name = str(message.distortion_model), str(message.header.frame_id)
+    return CameraCalibration(camera.width, camera.height, tuple(K), D, R, tuple(P), model, name)
+
+
+def _read(decoder: Callable[[Any], T], message: Any) -> T:
+    try:
+        return decoder(message)
+    except ValueError as error:
+        raise DataError(str(error)) from None
 
 
 def decode_pose(message: Any) -> NDArray[np.float64]:

@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from room_layout_ros.decoding.image import depth_from_mm
+
 from .errors import DataError
 
 MAX_FILE_BYTES = 256 * 1024 * 1024
@@ -75,14 +77,7 @@ def read_depth(path: Path) -> NDArray[np.float32]:
     image = read_image(path)
     if image.ndim != 2 or image.dtype != np.uint16:
         raise DataError(f"{path} has shape {image.shape} of {image.dtype}; one channel of uint16 millimetres is needed")
-    return depth_from_millimetres(image.astype(np.uint16, copy=False))
-
-
-def depth_from_millimetres(depth_mm: NDArray[np.uint16]) -> NDArray[np.float32]:
-    """Return metres as float32, NaN where 0."""
-    depth_m = depth_mm.astype(np.float32) * np.float32(0.001)
-    depth_m[depth_mm == 0] = np.nan
-    return depth_m
+    return depth_from_mm(image)
 
 
 def depth_to_millimetres(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:

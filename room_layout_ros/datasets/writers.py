@@ -16,7 +16,7 @@ from . import bag_topics as topics
 from .bag import NAMES_KEY
 from .calibration import CameraCalibration, write_calibration
 from .errors import DataError
-from .images import depth_from_millimetres, depth_to_millimetres, write_image
+from .images import depth_to_millimetres, write_image
 from .poses import write_poses, write_stamps
 from .sample import Sample
 
@@ -40,7 +40,7 @@ class SampleWriter(Protocol):
 
 def fits_millimetres(depth_m: NDArray[np.float32]) -> bool:
     """Whether whole millimetres of uint16 hold this depth without loss."""
-    return bool(np.array_equal(depth_from_millimetres(depth_to_millimetres(depth_m)), depth_m, equal_nan=True))
+    return bool(np.array_equal(depth_from_mm(depth_to_millimetres(depth_m)), depth_m, equal_nan=True))
 
 
 class FolderWriter:

@@ -113,6 +113,17 @@ def depth_from_mm(depth_mm: NDArray[np.generic]) -> NDArray[np.float32]:
     return depth_m
 
 
+def pixels_of(what: str, message: ImageLike, channels: int, dtype: np.dtype[np.generic]) -> NDArray[np.generic]:
+    """Return (H, W) or (H, W, channels) pixels as they lie in the message; `what` names the image in a refusal.
+
+    Raises
+    ------
+    ValueError
+        When size, step or amount of data do not fit.
+    """
+    return _layout(what, message, channels, dtype).view(message)
+
+
 def _color_layout(message: ImageLike) -> _Layout:
     known = _COLOR_TO_RGB.get(_encoding(message))
     if known is None:
