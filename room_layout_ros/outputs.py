@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from msg_adapters import messages
 from msg_adapters.encode_image import encode_image
 from msg_adapters.encode_navigation import encode_cloud, encode_grid, encode_outline, encode_pose, encode_scan
@@ -85,7 +87,9 @@ def _floor(space: FreeSpace, scene: Scene) -> Any:
 
 @_of_free_space
 def _scan(space: FreeSpace, scene: Scene) -> Any:
-    scan, reach = space.scan, scene.estimator.max_depth_m
+    scan = space.scan
+    told = scan.ranges_m[np.isfinite(scan.ranges_m)]  # a wall may be farther than the depth is taken
+    reach = max(scene.estimator.max_depth_m, float(told.max(initial=0.0)))
     stamp_ns, frame_id = scene.frame.stamp_ns, scene.floor_frame
     return encode_scan(scan.ranges_m, scan.angle_min, scan.angle_increment, reach, stamp_ns, frame_id)
 

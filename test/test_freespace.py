@@ -508,3 +508,15 @@ def test_no_estimate_and_no_prior_gives_none() -> None:
     geometry = compute_depth_geometry(sample.frame, CONFIG)
     assert geometry is not None
     assert compute_free_space(geometry, no_estimate_of(sample), CONFIG) is None
+
+
+def test_without_colour_the_picture_is_not_looked_at() -> None:
+    """The picture closes a hole in the depth of plain floor; with `use_color` off it must not."""
+    sample, _ = look(empty())
+    assert sample.frame.depth_m is not None
+    depth = sample.frame.depth_m.copy()
+    depth[380:400, 300:340] = np.nan
+    frame, config = replace(sample.frame, depth_m=depth), replace(CONFIG, use_color=False)
+    blind = free_space_of(replace(frame, color=None), with_truth(sample), config)
+    assert np.array_equal(free_space_of(frame, with_truth(sample), config).grid, blind.grid)
+    assert not np.array_equal(free_space_of(frame, with_truth(sample)).grid, blind.grid)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .frame import CameraIntrinsics
 from .layout import FACE_AXIS, FACE_SIGN, RoomCuboid
 
 WALLS = (2, 3, 4)
@@ -28,6 +29,20 @@ def floor_frame(normal: NDArray[np.float64], distance_m: float) -> NDArray[np.fl
     T = np.eye(4)
     T[:3, 0], T[:3, 1], T[:3, 2], T[:3, 3] = x, np.cross(-normal, x), -normal, normal * distance_m
     return T
+
+
+def view_fan(camera: CameraIntrinsics, T_camera_floor: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the bearings of what is in the picture, the rightmost and the leftmost, within the half circle ahead.
+
+    Radians counter-clockwise from ahead. Those of the corners: of a camera that looks down or hangs on its side they
+    are not those of the picture's sides.
+    """
+    u = np.array([-0.5, camera.width - 0.5, -0.5, camera.width - 0.5])
+    v = np.array([-0.5, -0.5, camera.height - 0.5, camera.height - 0.5])
+    rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(4)], axis=1)
+    ahead, left, _ = (rays @ T_camera_floor[:3, :3]).T
+    bearings = np.clip(np.arctan2(left, ahead), -0.5 * np.pi, 0.5 * np.pi)
+    return float(bearings.min()), float(bearings.max())
 
 
 def walls_on_floor(cuboid: RoomCuboid | None, T_camera_floor: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -286,7 +286,8 @@ def _height_along(geometry: DepthGeometry, floor: NDArray[np.bool_], normal: NDA
     if seen.sum() < _MIN_BAND_PIXELS:
         return None
     rays = geometry.camera.rays()[seen]
-    return float(np.median((rays @ normal) / geometry.inverse_depth[seen]))
+    height = float(np.median((rays @ normal) / geometry.inverse_depth[seen]))
+    return height if height > 0.0 else None  # that direction is not down
 
 
 def _as_given(prior: FloorPlane, camera: CameraIntrinsics) -> FloorFit:

@@ -119,7 +119,7 @@ def decide_cells(
     doubt: NDArray[np.bool_],
     fit: FloorFit,
     walls: NDArray[np.float64],
-    half_view: float,
+    view: tuple[float, float],
     focal_px: float,
     config: EstimatorConfig,
 ) -> NDArray[np.int8]:
@@ -130,10 +130,10 @@ def decide_cells(
     levels : of `floor_levels`. thing : (rows, cols) bool of `occupied_cells`.
     doubt : (rows, cols) bool, something may stand there (`find_low_things`).
     walls : (n, 4) float64 of `walls_on_floor`.
-    half_view : float, radians, of the picture to either side. focal_px : float.
+    view : bearings of what is in the picture (`view_fan`). focal_px : float.
     """
     grid, reach = _decide(
-        cells.sums, cells.corner, (thing, doubt), levels.height_m, levels.sigma_m, walls, half_view, focal_px,
+        cells.sums, cells.corner, (thing, doubt), levels.height_m, levels.sigma_m, walls, view, focal_px,
         (fit.sigma_m, fit.distance_m),
         (
             config.free_min_seen, config.obstacle_min_area, _DOUBT_HEIGHT_SHARE * config.obstacle_min_height_m,
@@ -263,7 +263,7 @@ def _by_walls(sums, i, j, x, y, walls, size, least_seen):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True)
-def _decide(sums, corner, things, height, sigma, walls, half_view, focal, fit, limits):  # type: ignore[no-untyped-def]
+def _decide(sums, corner, things, height, sigma, walls, view, focal, fit, limits):  # type: ignore[no-untyped-def]
     """Cells by what they hold, without their surroundings; and how near and far what stands in them may reach."""
     x0, y0, size = corner
     thing, doubt = things
@@ -279,7 +279,7 @@ def _decide(sums, corner, things, height, sigma, walls, half_view, focal, fit, l
         for j in range(cols):
             x = x0 + (j + 0.5) * size
             inside, on_wall = _by_walls(sums, i, j, x, y, walls, size, least_seen)
-            if on_wall and abs(np.arctan2(y, x)) <= half_view:
+            if on_wall and view[0] <= np.arctan2(y, x) <= view[1]:
                 grid[i, j] = OCCUPIED_CELL
             if not inside:
                 continue

@@ -25,9 +25,9 @@ from .floor_cells import (
     FloorCells,
     sum_floor_cells,
 )
-from .floor_frame import floor_frame, room_outline, walls_on_floor
+from .floor_frame import floor_frame, room_outline, view_fan, walls_on_floor
 from .floor_plane import FloorPlane, fit_floor, remove_bias
-from .frame import CameraIntrinsics, RgbdFrame
+from .frame import RgbdFrame
 from .free_cells import blind_cells, decide_cells, floor_levels, occupied_cells
 from .level_things import hide_below_level_things
 from .low_things import find_low_things
@@ -92,13 +92,15 @@ def compute_free_space(
     floor : FloorPlane, optional
         Where TF, an IMU or parameters expect the floor; the cuboid's floor otherwise.
     color : (H, W, 3) uint8, optional
-        The picture; with it small holes of the depth are floor where no outline runs through them.
+        The picture; with it small holes of the depth are floor where no outline runs through them. Not looked at
+        with `use_color` off.
 
     Returns
     -------
     FreeSpace or None
         None where no floor is in view and none is given.
     """
+    color = color if config.use_color else None
     with StageClock().beside("holes", close_holes, geometry.inverse_depth, estimate.labels, color) as holes_found:
         fit = fit_floor(geometry, estimate, config, floor, color)
         if fit is None:
@@ -118,7 +120,7 @@ def compute_free_space(
     low, doubt = find_low_things(color, cells, levels, thing, config)
     thing |= low
     camera, corner = geometry.camera, cells.corner
-    grid = decide_cells(cells, levels, thing, doubt, fit, barriers, _half_view(camera), camera.fx, config)
+    grid = decide_cells(cells, levels, thing, doubt, fit, barriers, view_fan(camera, T_camera_floor), camera.fx, config)
     hide_overhung(
         grid,
         holes.inverse_depth,
@@ -149,14 +151,12 @@ def compute_free_space(
     )
 
 
-def free_space_of_frame(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -> FreeSpace | None:
+def free_space_of_frame(
+    frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig, floor: FloorPlane | None = None
+) -> FreeSpace | None:
     """Find the free floor of a frame whose geometry is not at hand; None without depth or floor."""
     geometry = compute_depth_geometry(frame, config)
-    return None if geometry is None else compute_free_space(geometry, estimate, config, color=frame.color)
-
-
-def _half_view(c: CameraIntrinsics) -> float:
-    return float(max(np.arctan2(c.cx + 0.5, c.fx), np.arctan2(c.width - 0.5 - c.cx, c.fx)))
+    return None if geometry is None else compute_free_space(geometry, estimate, config, floor, frame.color)
 
 
 def _cloud(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .depth import DepthGeometry
 from .floor_cells import OBSTACLE_PIXEL, OCCUPIED_CELL, UNKNOWN_CELL, WALL_PIXEL, FloorCells
+from .floor_frame import view_fan
 
 _MIN_HITS = 3
 """So many pixels make a range: the last of them is it."""
@@ -40,20 +41,20 @@ def cast_scan(
     T_camera_floor: NDArray[np.float64],
     beams: int,
 ) -> RangeScan:
-    """Return the nearest thing or wall per beam: the third nearest of its pixels in occupied cells.
+    """Return the nearest thing or wall per beam: the third nearest of its pixels in occupied cells or beyond the grid.
 
     Parameters
     ----------
-    cells : FloorCells. grid : (rows, cols) int8, decided; things count only in occupied cells, so that a stray
-        pixel is no obstacle. beams : number of beams across the horizontal field of view.
+    cells : FloorCells. grid : (rows, cols) int8, decided; in the grid things count only in occupied cells, so that a
+        stray pixel is no obstacle. beams : number of beams across what is in the picture, at most a half circle.
     """
     c = geometry.camera
-    left, right = np.arctan2(c.cx + 0.5, c.fx), np.arctan2(c.width - 0.5 - c.cx, c.fx)
-    increment = float(left + right) / beams
-    angle_min = float(-right) + 0.5 * increment
+    right, left = view_fan(c, T_camera_floor)
+    increment = (left - right) / beams
+    angle_min = right + 0.5 * increment
     ranges = _cast(
         geometry.inverse_depth, (c.fx, c.fy, c.cx, c.cy), T_camera_floor, cells.kind, cells.cell, grid.ravel(),
-        (float(-right), increment, beams), (*cells.origin_m, cells.resolution_m, grid.shape[1]),
+        (right, increment, beams), (*cells.origin_m, cells.resolution_m, grid.shape[1]),
     )  # fmt: skip
     return RangeScan(angle_min, increment, ranges)
 
@@ -91,7 +92,9 @@ def _cast(inverse, intrinsics, T, kind, cell, grid, fan, corner):  # type: ignor
 
 @njit(cache=True, nogil=True)
 def _pixel_ranges(inverse, intrinsics, T, kind, cell, grid, fan):  # type: ignore[no-untyped-def]
-    """Distance (beams,) of the `_MIN_HITS`-th nearest pixel of walls and of things in occupied cells; inf without."""
+    """Distance (beams,) of the `_MIN_HITS`-th nearest pixel of walls, and of things in occupied cells or outside the grid; inf
+    without.
+    """
     fx, fy, cx, cy = intrinsics
     first, increment, beams = fan
     per_beam = 1.0 / increment
@@ -108,7 +111,7 @@ def _pixel_ranges(inverse, intrinsics, T, kind, cell, grid, fan):  # type: ignor
             what = kind[v, u]
             if what != OBSTACLE_PIXEL and what != WALL_PIXEL:
                 continue
-            if what == OBSTACLE_PIXEL and (cell[v, u] < 0 or grid[cell[v, u]] != OCCUPIED_CELL):
+            if what == OBSTACLE_PIXEL and cell[v, u] >= 0 and grid[cell[v, u]] != OCCUPIED_CELL:
                 continue
             beam = beam_of[u // _STRIDE]
             if beam < 0 or beam >= beams:
