@@ -8,9 +8,9 @@ import numpy as np
 
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.datasets import FrameTruth, Sample
-from room_layout_ros.decoding.image import depth_from_mm
 from room_layout_ros.datasets.synthetic import camera_pose
 from room_layout_ros.datasets.writers import FolderWriter
+from room_layout_ros.decoding.image import depth_from_mm
 
 SMALL = CameraIntrinsics(64, 48, 52.5, 52.25, 31.5, 23.5)
 

@@ -372,44 +372,11 @@ def test_convert_takes_the_calibration_file_on_the_command_line(
     assert "--camera is for a bag" in capsys.readouterr().err
 
 
-def image_message(pixels: np.ndarray[Any, Any], encoding: str, step: int, big: int, data: bytes) -> Any:
-    raw = messages.encode_image_message(pixels, encoding, 5, "optical")
-    message = messages.decode(raw, IMAGE)
-    message.step, message.is_bigendian, message.data = step, big, np.frombuffer(data, np.uint8)
-    return message
-
-
-@pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "rgba8", "bgra8", "mono8"])
-def test_colour_decodes_as_the_node_decodes_it(encoding: str, rng: np.random.Generator) -> None:
-    from msg_adapters.image import decode_color
-
-    channels = {"mono8": 1, "rgba8": 4, "bgra8": 4}.get(encoding, 3)
-    rows = rng.integers(0, 256, (48, 64 * channels + 5)).astype(np.uint8)  # five bytes of padding
-    message = image_message(np.zeros((48, 64), np.uint8), encoding, rows.shape[1], 0, rows.tobytes())
-    message.height, message.width = 48, 64
-    np.testing.assert_array_equal(messages.decode_color(message), decode_color(message))
-
-
-@pytest.mark.parametrize("encoding", ["16UC1", "mono16", "32FC1"])
-@pytest.mark.parametrize("big", [0, 1])
-def test_depth_decodes_as_the_node_decodes_it(encoding: str, big: int, rng: np.random.Generator) -> None:
-    from msg_adapters.image import decode_depth
-
-    if encoding == "32FC1":
-        values = rng.uniform(-1, 9, (48, 64)).astype(np.float32)
-        values[:3] = [[np.nan], [np.inf], [0.0]]
-    else:
-        values = rng.integers(0, 9000, (48, 64)).astype(np.uint16)
-    content = (values.byteswap() if big else values).tobytes()
-    message = image_message(values, encoding, values.itemsize * 64, big, content)
-    np.testing.assert_array_equal(messages.decode_depth(message), decode_depth(message))
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         ({"encoding": "yuv422"}, "encoding"),
-        ({"step": 3}, "rows of 3"),
+        ({"step": 3}, "step 3"),
         ({"height": 0}, "each side"),
         ({"width": 2**31}, "each side"),
         ({"data": np.zeros(5, np.uint8)}, "5 bytes"),
@@ -423,13 +390,59 @@ def test_images_that_do_not_add_up_are_refused(change: dict[str, Any], words: st
         messages.decode_color(message)
 
 
-def test_binning_and_region_match_the_node() -> None:
-    from msg_adapters.camera_info import decode_camera_info
-
+def test_binning_and_region_are_applied() -> None:
     message = messages.decode(info_at(1), INFO)
     message.binning_x = message.binning_y = 2
     message.roi.x_offset, message.roi.y_offset, message.roi.width, message.roi.height = 4, 6, 40, 30
-    assert messages.decode_calibration(message).intrinsics == decode_camera_info(message).camera
+    fx, cx, cy = SMALL.fx / 2, (SMALL.cx - 4 + 0.5) / 2 - 0.5, (SMALL.cy - 6 + 0.5) / 2 - 0.5
+    assert messages.decode_calibration(message).intrinsics == CameraIntrinsics(20, 15, fx, SMALL.fy / 2, cx, cy)
+
+
+def changed_info(change: str) -> Any:
+    """A camera_info that the node refuses: no number of it says where the rectified image's rays go."""
+    message = messages.decode(info_at(1), INFO)
+    if change == "distorted without P":
+        message.d, message.p = np.array([0.1, -0.2, 0, 0, 0]), np.zeros(12)
+    elif change == "region beyond the image":
+        message.roi.x_offset, message.roi.width, message.roi.height = 40, 40, 30
+    else:
+        message.k, message.p = np.zeros(9), np.zeros(12)
+    return message
+
+
+INFO_REFUSALS = {
+    "distorted without P": "P of zeros",
+    "region beyond the image": "must lie inside 64x48",
+    "uncalibrated": "P of zeros",
+}
+
+
+@pytest.mark.parametrize("change", INFO_REFUSALS)
+def test_a_camera_info_that_the_node_refuses_is_refused_in_a_bag(tmp_path: Path, change: str) -> None:
+    raw = bytes(messages.typestore().serialize_cdr(changed_info(change), INFO))
+    bad = ("/rgb/camera_info", INFO, 1, raw)
+    with pytest.raises(DataError, match=rf"/rgb/camera_info: .*{INFO_REFUSALS[change]}.*--camera"):
+        list(open_source(write_raw(tmp_path / "bag", [bad, ("/rgb/image", IMAGE, 1, color_at(1))])))
+
+
+def test_a_bad_camera_info_on_the_way_spoils_its_frames_only(tmp_path: Path) -> None:
+    raw = bytes(messages.typestore().serialize_cdr(changed_info("uncalibrated"), INFO))
+    items = []
+    for stamp, info in enumerate((raw, info_at(2), raw, info_at(4)), 1):
+        items += [("/rgb/camera_info", INFO, 10 * stamp, info), ("/rgb/image", IMAGE, 10 * stamp + 1, color_at(stamp))]
+    frames = list(open_source(write_raw(tmp_path / "bag", items)))
+    assert [type(frame) for frame in frames] == [BadFrame, Sample, BadFrame, Sample]
+    assert isinstance(frames[2], BadFrame)
+    assert "/rgb/camera_info: camera_info has P of zeros" in frames[2].error
+
+
+@pytest.mark.parametrize(
+    ("encoding", "value", "words"), [("32FC1", 2000.0, "must be in metres"), ("16UC1", 2, "must be in millimetres")]
+)
+def test_depth_in_the_wrong_unit_is_refused(encoding: str, value: float, words: str) -> None:
+    pixels = np.full((48, 64), value, np.float32 if encoding == "32FC1" else np.uint16)
+    with pytest.raises(DataError, match=words):
+        messages.decode_depth(messages.decode(messages.encode_image_message(pixels, encoding, 1, "optical"), IMAGE))
 
 
 def compressed(content: bytes, form: str, stamp_ns: int) -> bytes:
@@ -479,3 +492,25 @@ def test_mutated_messages_end_as_data_errors(make: Any, rng: np.random.Generator
         except DataError:
             refused += 1
     assert refused > 100
+
+
+def test_compressed_float_depth_is_read(tmp_path: Path) -> None:
+    """compressedDepth of 32FC1 is inverse depth in steps: z = A / (step - B)."""
+    from room_layout_ros.datasets.images import encode_image
+
+    a, b = 1000.0, 5.0
+    steps = np.arange(10, 10 + 48 * 64, dtype=np.uint16).reshape(48, 64)
+    content = b"\0" * 4 + np.array([a, b], "<f4").tobytes() + encode_image(".png", steps)
+    raw = compressed(content, "32FC1; compressedDepth png", 1)
+    depth_m = messages.decode_depth(messages.decode(raw, messages.COMPRESSED))
+    np.testing.assert_allclose(depth_m, a / (steps - b), rtol=1e-6)
+
+
+def test_a_compressed_picture_that_unfolds_to_gigabytes_is_refused() -> None:
+    from room_layout_ros.datasets.images import encode_image
+
+    content = bytearray(encode_image(".png", np.zeros((4, 4, 3), np.uint8)))
+    content[16:24] = (8000).to_bytes(4, "big") * 2
+    message = messages.decode(compressed(bytes(content), "rgb8; png", 1), messages.COMPRESSED)
+    with pytest.raises(DataError, match=r"8000x8000; .* at most 32000000 pixels"):
+        messages.decode_color(message)

@@ -108,7 +108,7 @@ SENTENCES = said_by_the_node((REPOSITORY / "docs" / "troubleshooting.md").read_t
 @pytest.fixture(scope="module")
 def code() -> Sentences:
     own = REPOSITORY / "room_layout_ros"
-    folders = (own, own / "runtime", own / "core", REPOSITORY / "msg_adapters")
+    folders = (own, own / "runtime", own / "core", own / "decoding", REPOSITORY / "msg_adapters")
     return Sentences(file for folder in folders for file in sorted(folder.glob("*.py")))
 
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from msg_adapters.cdr import Header, Stamp
 from msg_adapters.image import check_color, check_depth, decode_color, decode_depth, depth_from_mm
-from room_layout_ros.datasets import images as dataset_images
 
 
 @dataclass(frozen=True)
@@ -86,12 +85,6 @@ def test_f22_metres_stay_and_what_was_not_measured_becomes_nan(padding: int, big
 def test_f22_a_depth_image_without_a_measurement_is_all_nan_without_a_warning(value: float) -> None:
     decoded = decode_depth(packed(np.full((40, 40), value, np.float32), "32FC1"))
     assert np.isnan(decoded).all()
-
-
-def test_node_and_offline_convert_depth_to_the_same_bits() -> None:
-    mm = np.arange(65536, dtype=np.uint16).reshape(256, 256)
-    offline = dataset_images.depth_from_millimetres(mm)
-    assert decode_depth(packed(mm, "16UC1")).tobytes() == offline.tobytes()
 
 
 @pytest.mark.parametrize(

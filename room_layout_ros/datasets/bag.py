@@ -32,6 +32,9 @@ _REPAIRS = "lost metadata: ros2 bag reindex; a cut .mcap: mcap recover; a damage
 MAX_WAITING = 60
 """Images of one stream that wait for their partner: two seconds at 30 Hz."""
 
+Calibration = CameraCalibration | DataError
+"""Of a camera_info, or why it cannot be used."""
+
 
 @contextmanager
 def open_reader(path: Path) -> Iterator[Reader]:
@@ -161,19 +164,21 @@ class BagSource:
                 raise damage
 
     def first_calibration(self) -> CameraCalibration:
-        """Return the calibration that was given, else the first in the bag."""
+        """Return the calibration that was given, else the first usable one in the bag."""
         with open_reader(self.path) as reader:
             return self._calibration(reader)
 
     def _calibration(self, reader: Reader) -> CameraCalibration:
         if self.camera is not None:
             return self.camera
+        problem: DataError | None = None
         for connection, _, raw in raw_messages(reader, {self.topics.info or ""}, self.path, self.recover):
-            return messages.decode_calibration(messages.decode(raw, connection.msgtype))
-        raise DataError(
-            f"{self.path} has no message on {self.topics.info}; the camera is unknown "
-            "(give a calibration file with --camera)"
-        )
+            try:
+                return messages.decode_calibration(messages.decode(raw, connection.msgtype))
+            except DataError as error:
+                problem = problem or error
+        what = f" has no message on {self.topics.info}" if problem is None else f": {self.topics.info}: {problem}"
+        raise DataError(f"{self.path}{what}; the camera is unknown (give a calibration file with --camera)")
 
 
 @dataclass(slots=True)
@@ -181,7 +186,8 @@ class _Assembly:
     """Messages waiting to become frames; bounded."""
 
     source: BagSource
-    calibration: CameraCalibration
+    calibration: Calibration
+    """The latest; an error is that of the frames which come with it."""
     leaders: OrderedDict[int, Any] = field(default_factory=OrderedDict)
     colors: OrderedDict[int, Any] = field(default_factory=OrderedDict)
     truths: dict[str, OrderedDict[int, Any]] = field(default_factory=lambda: {t: OrderedDict() for t in TRUTH_TYPES})
@@ -197,7 +203,7 @@ class _Assembly:
                 self.errors.append(f"{topic}: {error}")
             return
         if topic == topics.info:
-            self.calibration = messages.decode_calibration(message)
+            self.calibration = _calibration_or_error(topic, message)
             return
         if topic in self.truths:
             store = self.truths[topic]
@@ -238,15 +244,17 @@ class _Assembly:
     def _name(self, stamp_ns: int) -> str:
         return self.source.names.get(stamp_ns, f"{self.emitted:06d}")
 
-    def _frame(self, stamp_ns: int, leader: Any, calibration: Any, partner: int | None) -> Sample | BadFrame:
+    def _frame(self, stamp_ns: int, leader: Any, calibration: Calibration, partner: int | None) -> Sample | BadFrame:
         name = self._name(stamp_ns)
         try:
             return self._sample(name, stamp_ns, leader, calibration, partner)
         except ValueError as error:
             return BadFrame(name, str(error), stamp_ns)
 
-    def _sample(self, name: str, stamp_ns: int, leader: Any, calibration: Any, partner: int | None) -> Sample:
+    def _sample(self, name: str, stamp_ns: int, leader: Any, calibration: Calibration, partner: int | None) -> Sample:
         topics = self.source.topics
+        if isinstance(calibration, DataError):
+            raise calibration
         color_message, depth_message = (leader, None) if topics.depth is None else (None, leader)
         if topics.color and topics.depth:
             if partner is None:
@@ -272,6 +280,13 @@ class _Assembly:
     def _truth(self, topic: str, stamp_ns: int, read: Callable[[Any], Any]) -> Any:
         item = self.truths[topic].pop(stamp_ns, None)
         return None if item is None else read(item[0])
+
+
+def _calibration_or_error(topic: str, message: Any) -> Calibration:
+    try:
+        return messages.decode_calibration(message)
+    except DataError as error:
+        return DataError(f"{topic}: {error}")
 
 
 def open_bag(

@@ -169,6 +169,8 @@ def decode_calibration(message: Any) -> CameraCalibration:
     """
     camera = _read(decode_camera_info, message).camera
     K, P = [float(v) for v in message.k], [float(v) for v in message.p]
+    if P[0] == 0 and P[5] == 0:
+        P = [0.0] * 12  # K stands in for it
     bx, by = max(int(message.binning_x), 1), max(int(message.binning_y), 1)
     cut = bool(message.roi.width or message.roi.height)
     x0, y0 = (int(message.roi.x_offset), int(message.roi.y_offset)) if cut else (0, 0)

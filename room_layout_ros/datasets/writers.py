@@ -11,6 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from room_layout_ros.decoding.image import depth_from_mm
+
 from . import bag_messages as messages
 from . import bag_topics as topics
 from .bag import NAMES_KEY
