@@ -146,6 +146,7 @@ class Shell:
             self._inputs.open(self._settings)
         elif not wanted:
             self._unsubscribe()
+        self._inputs.follow()
 
     def _unsubscribe(self) -> None:
         if self._inputs:

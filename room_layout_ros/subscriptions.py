@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy, qos_policy_name_from_kind
+from rclpy.qos import (
+    QoSDurabilityPolicy,
+    QoSHistoryPolicy,
+    QoSProfile,
+    QoSReliabilityPolicy,
+    qos_policy_name_from_kind,
+)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from msg_adapters import messages
@@ -21,6 +28,8 @@ from .runtime.session import CAMERA, CAMERAS, IMU
 from .settings import Settings
 
 _DEPTH = 5
+_REMEMBERED = 32
+"""Messages of camera_info that may come a second time: as many as can wait in both subscriptions, and more."""
 _TF_TOPICS = ("/tf", "/tf_static")
 
 _OVERRIDES: tuple[tuple[str, str | int, tuple[str, ...]], ...] = (
@@ -33,6 +42,10 @@ _OVERRIDES: tuple[tuple[str, str | int, tuple[str, ...]], ...] = (
 
 class Subscriptions:
     """Subscribes to what the settings need and drops it again.
+
+    camera_info of a driver that latches it (sends it once, perhaps before we listen) is subscribed a second time: only
+    a reader that asks for durability gets what was sent before, and it gets nothing of a driver that does not latch,
+    which would warn of it. What comes both ways counts once.
 
     Parameters
     ----------
@@ -58,6 +71,8 @@ class Subscriptions:
         self._node, self._guard = node, guard
         self._on_message, self._on_imu, self._on_lost = on_message, on_imu, on_lost
         self._open: dict[str, Any] = {}
+        self._latched: dict[str, Any] = {}
+        self._seen: dict[str, deque[tuple[int, bytes]]] = {}
         self._clashes: dict[str, str] = {}
         self._numbers: dict[str, int] = {}
         self._since = 0.0
@@ -87,9 +102,15 @@ class Subscriptions:
 
     def close(self) -> None:
         """Drop all subscriptions."""
-        for subscription in self._open.values():
+        for subscription in (*self._open.values(), *self._latched.values()):
             self._node.destroy_subscription(subscription)
-        self._open, self._clashes, self._numbers = {}, {}, {}
+        self._open, self._latched, self._seen, self._clashes, self._numbers = {}, {}, {}, {}, {}
+
+    def follow(self) -> None:
+        """Subscribe camera_info for a second time where somebody latches it; to be called now and then."""
+        for stream in CAMERAS:
+            if stream in self._open and stream not in self._latched and self._is_latched(stream):
+                self._subscribe_latched(stream)
 
     def facts(self, settings: Settings) -> dict[str, InputFacts]:
         """Return what the graph says about each input, for the diagnosis."""
@@ -108,20 +129,33 @@ class Subscriptions:
     def tf_publishers(self) -> int:
         """Return how many publish TF beside this node, which sends its floor's frame there."""
         own = self._node.get_namespace(), self._node.get_name()
-        topics = [self._node.resolve_topic_name(topic) for topic in _TF_TOPICS]
-        ends = [end for topic in topics for end in self._node.get_publishers_info_by_topic(topic)]
+        ends = [end for topic in _TF_TOPICS for end in self._node.get_publishers_info_by_topic(topic)]  # it remaps them
         return sum((end.node_namespace, end.node_name) != own for end in ends)
 
-    def _topic(self, stream: str, settings: Settings) -> str:
-        return self._topic_by(stream, transport_of(stream, settings.node))
+    def topics(self) -> list[str]:
+        """Return the resolved name of every topic that the settings may ask for."""
+        kinds = [(stream, kind) for stream in INPUT_TOPICS for kind in TRANSPORTS.get(stream, ("raw",))]
+        names = [self._name(stream, kind) for stream, kind in kinds]
+        return list(dict.fromkeys(self._node.resolve_topic_name(name) for name in (*names, IMU_TOPIC)))
 
-    def _topic_by(self, stream: str, transport: str) -> str:
-        """Return the resolved topic; image_transport puts the transport behind the remapped name."""
-        base: str = self._node.resolve_topic_name(INPUT_TOPICS[stream])
-        return base if transport == "raw" else f"{base}/{transport}"
+    def _topic(self, stream: str, settings: Settings) -> str:
+        """Return the resolved name of the topic that is subscribed."""
+        topic: str = self._node.resolve_topic_name(self._name(stream, transport_of(stream, settings.node)))
+        return topic
+
+    def _name(self, stream: str, transport: str) -> str:
+        """Return the name by which a topic is subscribed; ROS resolves it then, so that it must not be resolved before.
+
+        image_transport puts the transport behind the remapped name. A rule for the topic of the transport goes before.
+        """
+        resolve, name = self._node.resolve_topic_name, INPUT_TOPICS[stream]
+        if transport == "raw":
+            return name
+        own = f"{name}/{transport}"
+        return own if resolve(own) != resolve(own, only_expand=True) else f"{resolve(name)}/{transport}"
 
     def _declare_qos(self) -> None:
-        """Declare the QoS overrides of every topic that the settings may ask for.
+        """Declare the QoS overrides of every topic that the settings may ask for; two inputs may come on one.
 
         rclpy would look at them only when a topic is subscribed, which is when somebody listens to the results.
 
@@ -130,9 +164,8 @@ class Subscriptions:
         ValueError
             When a value is no policy.
         """
-        topics = [self._topic_by(stream, kind) for stream in INPUT_TOPICS for kind in TRANSPORTS.get(stream, ("raw",))]
-        for topic in (*topics, IMU_TOPIC):
-            prefix = f"qos_overrides.{self._node.resolve_topic_name(topic)}.subscription"
+        for topic in self.topics():
+            prefix = f"qos_overrides.{topic}.subscription"
             for policy, default, allowed in _OVERRIDES:
                 name = f"{prefix}.{policy}"
                 about = ParameterDescriptor(description=f"{policy} of the subscription", read_only=True)
@@ -154,7 +187,32 @@ class Subscriptions:
             self._guard(f"callback of {stream}", self._take, stream, serialized, info)
 
         self._open[stream] = self._node.create_subscription(
-            kind, self._topic(stream, settings), callback, event_callbacks=events, raw=True, **_qos()
+            kind,
+            self._name(stream, transport_of(stream, settings.node)),
+            callback,
+            event_callbacks=events,
+            raw=True,
+            **_qos(),
+        )
+
+    def _is_latched(self, stream: str) -> bool:
+        publishers = self._node.get_publishers_info_by_topic(INPUT_TOPICS[stream])
+        return any(p.qos_profile.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL for p in publishers)
+
+    def _subscribe_latched(self, stream: str) -> None:
+        def callback(serialized: bytes, info: Any) -> None:
+            self._guard(f"callback of {stream}", self._take_latched, stream, serialized, info)
+
+        self._latched[stream] = self._node.create_subscription(
+            messages.CameraInfo,
+            INPUT_TOPICS[stream],
+            callback,
+            QoSProfile(
+                depth=_DEPTH,
+                reliability=QoSReliabilityPolicy.RELIABLE,
+                durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
+            ),
+            raw=True,
         )
 
     def _take(self, stream: str, serialized: bytes, info: Any) -> None:
@@ -162,7 +220,23 @@ class Subscriptions:
         number = info.get("publication_sequence_number")
         if number is not None:
             self._count_gap(stream, number)
-        self._on_message(stream, serialized)
+        if self._is_new(stream, serialized, info):
+            self._on_message(stream, serialized)
+
+    def _take_latched(self, stream: str, serialized: bytes, info: Any) -> None:
+        if self._is_new(stream, serialized, info):
+            self._on_message(stream, serialized)
+
+    def _is_new(self, stream: str, serialized: bytes, info: Any) -> bool:
+        """Return False for a message that has come by the other subscription of its topic."""
+        if stream not in CAMERAS:
+            return True
+        seen = self._seen.setdefault(stream, deque(maxlen=_REMEMBERED))
+        message = info["source_timestamp"], serialized
+        if message in seen:
+            return False
+        seen.append(message)
+        return True
 
     def _take_imu(self, message: Any) -> None:
         self._clashes.pop(IMU, None)
