@@ -54,12 +54,17 @@ def _overlay(scene: Scene) -> Sequence[Any]:
     return [encode_image(draw_overlay(scene.frame, scene.estimate), scene.frame.stamp_ns, scene.frame.frame_id)]
 
 
+def _in_its_unit(scene: Scene) -> bool:
+    """Whether the room has the unit that its listeners count on: metres, or by choice that of colour alone."""
+    return scene.estimate.metric or not scene.estimator.use_depth
+
+
 def _polygons(scene: Scene) -> Sequence[Any]:
-    return encode_polygons(scene.estimate)
+    return encode_polygons(scene.estimate) if _in_its_unit(scene) else []
 
 
 def _markers(scene: Scene) -> Sequence[Any]:
-    return [encode_markers(scene.estimate, scene.node.marker_lifetime)]
+    return [encode_markers(scene.estimate, scene.node.marker_lifetime)] if _in_its_unit(scene) else []
 
 
 def _of_free_space(encode: Callable[[FreeSpace, Scene], Any]) -> Encode:

@@ -34,7 +34,7 @@ def naive_cells(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """Return seen, obstacle, hole and gap shares of the cells and the kinds of the pixels; even noise, flat floor."""
     lowest, factor, highest = limits
-    T_floor_camera = np.linalg.inv(T_camera_floor)
+    T_floor_camera = np.asarray(np.linalg.inv(T_camera_floor), np.float64)
     foot = T_floor_camera[:3, 3]
     height = foot[2]
     camera = geometry.camera

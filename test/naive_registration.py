@@ -18,7 +18,11 @@ def register_depth(
             z = depth_m[y, x]
             if not np.isfinite(z) or z <= 0:
                 continue
-            corners = [carry(x + dx, y + dy, z, depth_camera, T) for dx in (-0.5, 0.5) for dy in (-0.5, 0.5)]
+            corners = [
+                carry(x + 0.5 * i, y + 0.5 * j, corner_depth(depth_m, x, y, i, j), depth_camera, T)
+                for i in (-1, 1)
+                for j in (-1, 1)
+            ]
             if min(p[2] for p in corners) <= 0:
                 continue
             pixels = np.array([project(p, color_camera) for p in corners])
@@ -30,6 +34,15 @@ def register_depth(
                     if inside and not registered[v, u] <= far:
                         registered[v, u] = far
     return registered
+
+
+def corner_depth(depth_m: NDArray[np.float32], x: int, y: int, right: int, down: int) -> float:
+    """Mean of the pixels that meet at a corner and differ by less than a tenth."""
+    z, meet = float(depth_m[y, x]), []
+    for u, v in ((x, y), (x + right, y), (x, y + down), (x + right, y + down)):
+        if 0 <= u < depth_m.shape[1] and 0 <= v < depth_m.shape[0] and abs(float(depth_m[v, u]) - z) < 0.1 * z:
+            meet.append(float(depth_m[v, u]))
+    return float(np.mean(meet))
 
 
 def carry(x: float, y: float, z: float, camera: CameraIntrinsics, T: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -151,3 +151,13 @@ def test_an_image_smaller_than_a_cell_has_no_cells() -> None:
     geometry = geometry_of(RgbdFrame(camera, None, np.full((200, 9), 2.0, np.float32)))
     assert geometry.moments.shape == (20, 0, MOMENTS)
     assert len(fit_cell_planes(geometry).cell) == 0
+
+
+def test_zero_is_not_measured_even_where_zero_is_allowed() -> None:
+    depth = np.full((48, 64), 2.0, np.float32)
+    depth[:10] = 0.0
+    camera = CameraIntrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
+    geometry = compute_depth_geometry(RgbdFrame(camera, None, depth), EstimatorConfig(min_depth_m=0.0))
+    assert geometry is not None
+    assert not geometry.inverse_depth[:10].any()
+    assert (geometry.inverse_depth[10:] == 0.5).all()

@@ -17,7 +17,7 @@ from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.lines import LineSegments, compute_line_segments
-from room_layout_ros.core.manhattan import angle_between_frames
+from room_layout_ros.core.room_axes import angle_between_axes
 from room_layout_ros.core.room_cells import RoomCells, room_cells
 from room_layout_ros.core.room_cost import plane_rows
 from room_layout_ros.core.room_edges import edge_candidates
@@ -74,7 +74,7 @@ def raster(R: F64, distances: F64) -> NDArray[np.uint8]:
 def off(R: F64, distances: F64, true_R: F64, true_distances: F64) -> tuple[float, float]:
     """Degrees of the rotation, largest offset in m."""
     seen = np.isfinite(true_distances)
-    turn = np.rad2deg(angle_between_frames(R, true_R))
+    turn = np.rad2deg(angle_between_axes(R, true_R))
     return float(turn), float(np.abs(distances[seen] - true_distances[seen]).max())
 
 

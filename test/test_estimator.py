@@ -21,7 +21,7 @@ from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.core.freespace import compute_free_space
 from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.core.layout import RoomCuboid
-from room_layout_ros.core.manhattan import angle_between_frames
+from room_layout_ros.core.room_axes import angle_between_axes
 from room_layout_ros.core.stage_clock import StageClock
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 from room_layout_ros.datasets import good_samples, open_folder
@@ -78,7 +78,7 @@ def test_empty_rooms_without_noise_are_exact(estimator: LayoutEstimator) -> None
         assert estimate.cuboid is not None
         assert estimate.status is Status.OK
         assert estimate.metric
-        assert np.rad2deg(angle_between_frames(estimate.R_room_camera, cuboid.R_room_camera)) < 0.1
+        assert np.rad2deg(angle_between_axes(estimate.R_room_camera, cuboid.R_room_camera)) < 0.1
         assert np.abs(estimate.cuboid.distances[seen] - cuboid.distances[seen]).max() < 0.005
         assert (estimate.layout != layout).mean() < 0.005, "names of the walls included"
         assert (estimate.labels != labels).mean() < 0.02
@@ -154,7 +154,26 @@ def test_a_warm_start_finds_the_same_room(estimator: LayoutEstimator, furnished:
         cold = ask(estimator, sample.frame)
         warm = estimator.estimate(sample.frame, next_prior(cold))
         assert (warm.layout != cold.layout).mean() < 0.003
-        assert np.rad2deg(angle_between_frames(warm.R_room_camera, cold.R_room_camera)) < 0.05
+        assert np.rad2deg(angle_between_axes(warm.R_room_camera, cold.R_room_camera)) < 0.05
+
+
+def test_a_deadline_leaves_the_next_frame_its_warm_start(estimator: LayoutEstimator, furnished: list[Sample]) -> None:
+    cut_short = estimator.estimate(furnished[0].frame, expired=lambda: True)
+    assert cut_short.status is Status.DEADLINE
+    handed_on = next_prior(cut_short).R_room_camera
+    assert handed_on is not None
+    np.testing.assert_array_equal(handed_on, cut_short.R_room_camera)
+
+
+@pytest.mark.parametrize("index", range(4))
+def test_without_depth_the_front_wall_is_at_one(
+    estimator: LayoutEstimator, furnished: list[Sample], index: int
+) -> None:
+    estimate = estimator.estimate(furnished[index].frame.without_depth())
+    assert estimate.cuboid is not None
+    distances = estimate.cuboid.distances
+    front = distances[3] if np.isfinite(distances[3]) else distances[np.isfinite(distances)].max()
+    assert front == pytest.approx(1.0)
 
 
 def test_a_prior_of_another_room_does_no_harm(estimator: LayoutEstimator, furnished: list[Sample]) -> None:
@@ -251,7 +270,7 @@ def test_real_rooms_without_depth_all_have_a_layout_and_most_their_axes(
         assert estimate.status is Status.OK, sample.name
         assert ((estimate.layout >= 1) & (estimate.layout <= 5)).all(), sample.name
         with_depth = estimator.estimate(sample.frame)
-        apart.append(np.rad2deg(angle_between_frames(estimate.R_room_camera, with_depth.R_room_camera)))
+        apart.append(np.rad2deg(angle_between_axes(estimate.R_room_camera, with_depth.R_room_camera)))
     assert np.mean(np.array(apart) < 5.0) >= 0.7, np.round(apart, 1)
 
 

@@ -128,3 +128,15 @@ def test_distances_that_are_none_are_refused(distances: list[float]) -> None:
 def test_a_matrix_that_is_no_rotation_is_refused(R: NDArray[np.float64]) -> None:
     with pytest.raises(ValueError, match=r"^R_room_camera is \[\[.*\]\]; it must be a rotation matrix$"):
         RoomCuboid(R, ROOM)
+
+
+@pytest.mark.parametrize(
+    ("distances", "expected"),
+    [
+        ([0.8, 0.5, 1.2, 1.6, np.inf], [0.5, 0.3125, 0.75, 1.0, np.inf]),
+        ([np.inf, 0.5, 2.0, np.inf, 1.0], [np.inf, 0.25, 1.0, np.inf, 0.5]),
+    ],
+)
+def test_without_a_scale_the_front_wall_is_at_one(distances: list[float], expected: list[float]) -> None:
+    room = RoomCuboid(np.eye(3), np.array(distances)).at_unit_scale()
+    np.testing.assert_allclose(room.distances, expected)

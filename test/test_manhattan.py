@@ -13,13 +13,8 @@ from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import DepthGeometry, compute_depth_geometry, fit_cell_planes
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.core.lines import LineSegments, compute_line_segments
-from room_layout_ros.core.manhattan import (
-    angle_between_frames,
-    estimate_manhattan_frame,
-    find_axes,
-    name_axes,
-    other_front,
-)
+from room_layout_ros.core.manhattan import estimate_manhattan_frame, find_axes
+from room_layout_ros.core.room_axes import angle_between_axes, name_axes, other_front
 from room_layout_ros.core.tracking import TemporalPrior
 from room_layout_ros.datasets import good_samples
 from room_layout_ros.datasets.synthetic import SyntheticSource
@@ -41,7 +36,7 @@ def room_depth(R: NDArray[np.float64], camera: CameraIntrinsics = HALF) -> NDArr
 
 
 def error_deg(found: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
-    return float(np.rad2deg(angle_between_frames(found, truth)))
+    return float(np.rad2deg(angle_between_axes(found, truth)))
 
 
 @pytest.mark.parametrize("R", VIEWS)

@@ -57,6 +57,21 @@ def test_an_analytic_room_is_seen_as_the_colour_camera_sees_it() -> None:
     assert np.median(error) < 0.003
 
 
+@pytest.mark.parametrize("offset_m", [-0.05, 0.05])
+def test_a_floor_that_is_seen_flat_has_no_empty_rows(offset_m: float) -> None:
+    """The colour camera is above or below the depth camera, both 25 cm over the floor: its rows part or overlap."""
+    camera = CameraIntrinsics(320, 240, 260.0, 260.0, 159.5, 119.5)
+    T_color_depth = np.eye(4)
+    T_color_depth[1, 3] = offset_m
+    room = RoomCuboid(np.eye(3), np.array([2.0, 0.25, 3.0, 5.0, 3.0]))
+    seen_below = RoomCuboid(np.eye(3), room.distances + [offset_m, -offset_m, 0.0, 0.0, 0.0])
+    registered = register_depth(seen_below.depth(camera), camera, camera, T_color_depth)
+    truth, inner = room.depth(camera), np.s_[24:190, 20:300]  # what both see
+    assert np.isfinite(registered[inner]).all()
+    off = np.abs(registered - truth)[inner] / truth[inner]
+    assert np.quantile(off, 0.99) < 0.06
+
+
 def test_what_is_in_front_hides_what_is_behind() -> None:
     depth_m = np.full((12, 16), 4.0, np.float32)
     depth_m[:, 6:10] = 1.0

@@ -13,7 +13,7 @@ from room_layout_ros.core.depth import CELL_PX, compute_depth_geometry
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.core.layout import FACE_AXIS, FACE_SIGN, RoomCuboid
-from room_layout_ros.core.manhattan import angle_between_frames
+from room_layout_ros.core.room_axes import angle_between_axes
 from room_layout_ros.core.room_balance import _balance, balance_faces
 from room_layout_ros.core.room_cells import RoomCells, _cell_means, room_cells
 from room_layout_ros.core.room_cost import COSTS, FittedRoom, cell_costs, mean_cost
@@ -150,7 +150,7 @@ def test_search_comes_near_and_refinement_arrives(R: F64) -> None:
     assert np.abs(start.distances - ROOM)[seen].max() < 0.15
     fitted = refine_room(cells, start)
     assert fitted.cost <= start.cost + 1e-9
-    assert np.rad2deg(angle_between_frames(fitted.R_room_camera, R)) < 0.1
+    assert np.rad2deg(angle_between_axes(fitted.R_room_camera, R)) < 0.1
     assert np.abs(fitted.distances - ROOM)[seen].max() < 0.005
     assert (RoomCuboid(fitted.R_room_camera, fitted.distances).raster(HALF) != raster).mean() < 0.005
 

@@ -57,7 +57,9 @@ def test_of_a_camera_that_looks_straight_down_the_fan_is_the_half_circle() -> No
 @pytest.mark.parametrize("noise", [CLEAN, KINECT_NOISE])
 def test_what_stands_beyond_the_grid_ends_a_beam(noise: SensorNoise) -> None:
     """A grid of 1.5 m, a cabinet at 2.1 m before a wall at 4.4 m."""
-    sample = render(empty(box(0.9, 0.0, 0.6, 1.0)), KINECT, camera_pose(-1.5, 0.0, 1.2, 0.0, -0.3), noise, np.random.default_rng(2))
+    sample = render(
+        empty(box(0.9, 0.0, 0.6, 1.0)), KINECT, camera_pose(-1.5, 0.0, 1.2, 0.0, -0.3), noise, np.random.default_rng(2)
+    )
     config = replace(CONFIG, free_space_forward_m=1.5, free_space_side_m=1.5)
     found = free_space_of_frame(sample.frame, with_truth(sample), config)
     assert found is not None

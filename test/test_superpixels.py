@@ -377,3 +377,12 @@ def test_depth_makes_fewer_errors_than_colour_on_nyu(data_root: Path) -> None:
     slic, ours = (float(np.mean(found)) for found in errors.values())
     assert ours < 0.9 * slic
     assert ours < 0.05
+
+
+@pytest.mark.parametrize("side", range(1, 12))
+def test_of_a_white_picture_something_is_left(side: int) -> None:
+    white = np.full((side, side + 3, 3), 255, np.uint8)
+    top, bottom, left, right = blank_border(white)
+    assert top + bottom < side
+    assert left + right < side + 3
+    assert (compute_lab(white)[0] >= 253).all()

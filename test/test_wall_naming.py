@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scenes import ROOM, SMALL, look
 
 from room_layout_ros.core.layout import RoomCuboid
-from room_layout_ros.core.manhattan import other_front
+from room_layout_ros.core.room_axes import other_front
 from room_layout_ros.core.wall_naming import name_walls, rename_walls
 
 

@@ -49,10 +49,11 @@ def blank_border(color: NDArray[np.uint8]) -> tuple[int, int, int, int]:
 
     A row or column belongs to the border when 95 % of it is nearly white in all channels. One more is taken where a
     border was found: compression smears its edge. A white wall may be cut by mistake; that costs nothing, as the
-    border is overwritten with the colour beside it.
+    border is overwritten with the colour beside it. Something is left of every picture.
     """
-    n = min(MAX_BORDER_PX, color.shape[0] // 4, color.shape[1] // 4)
-    if n == 0:
+    side = min(color.shape[:2])
+    n = min(MAX_BORDER_PX, side // 4, (side - 3) // 2)
+    if n <= 0:
         return (0, 0, 0, 0)
     top, bottom, left, right = _blank_border(color, n)
     return top, bottom, left, right

@@ -126,6 +126,9 @@ def conclude(
     if cuboid is not room.cuboid:
         layout, pixels = cuboid.view(frame.camera)
         seen = pixels[1:] >= _LEAST_FACE_PX
+    metric = room.measured > 0.0  # depth that is empty or not used gives no scale
+    if not metric:
+        cuboid = cuboid.at_unit_scale()
     clutter = joint.labels == CLUTTER
     signs = gather_signs(axes, joint, room, origin)
     confidence, face_confidence = state_confidence(signs, seen, model)
@@ -141,7 +144,7 @@ def conclude(
         face_confidence=face_confidence,
         cuboid=cuboid,
         polygons=cuboid.polygons(frame.camera),
-        metric=room.measured > 0.0,  # depth that is empty or not used gives no scale
+        metric=metric,
         energy=joint.solution.energy,
         lower_bound=joint.solution.bound,
         timings_ms=dict(timings_ms),

@@ -132,7 +132,7 @@ def _inverse(depth, near, far):  # type: ignore[no-untyped-def]
     for y in range(height):
         for x in range(width):
             z = depth[y, x]
-            if z >= near and z <= far:
+            if z > 0.0 and near <= z <= far:
                 inverse[y, x] = 1.0 / z
                 count += 1
     return inverse, count

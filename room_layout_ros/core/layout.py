@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .frame import CameraIntrinsics
-from .labels import FACES, N_FACES
+from .labels import FACES, FRONT_WALL, N_FACES
 
 FACE_AXIS = np.array([1, 1, 0, 2, 0])
 """Room axis (0 X, 1 Y, 2 Z) of each face in the order of `labels.FACES`."""
@@ -17,6 +17,7 @@ FACE_AXIS = np.array([1, 1, 0, 2, 0])
 FACE_SIGN = np.array([-1.0, 1.0, -1.0, 1.0, 1.0])
 """Side of the camera on which each face lies along its axis."""
 
+_FRONT = FACES.index(FRONT_WALL)
 _MIN_POLYGON_DEPTH = 1e-3
 
 
@@ -30,7 +31,7 @@ class RoomCuboid:
         Rows are the room's axes in the camera frame: X right, Y down, Z towards the front wall.
     distances : (5,) float64 array
         Distance of the camera to ceiling, floor, left, front and right plane, in metres (in front-wall
-        distances where the scale is unknown); +inf where a face is not in view. All above 0.
+        distances where the scale is unknown: `at_unit_scale`); +inf where a face is not in view. All above 0.
 
     Raises
     ------
@@ -52,6 +53,12 @@ class RoomCuboid:
     def inverse_normals(self) -> NDArray[np.float64]:
         """(5, 3) n_k / d_k in the camera frame: the face of ray r is argmax_k (n_k / d_k) . r."""
         return FACE_SIGN[:, None] * self.R_room_camera[FACE_AXIS] / self.distances[:, None]
+
+    def at_unit_scale(self) -> RoomCuboid:
+        """Return the room with the front wall at 1; where none is in view the farthest face is there."""
+        front = self.distances[_FRONT]
+        unit = front if np.isfinite(front) else self.distances[np.isfinite(self.distances)].max(initial=0.0)
+        return RoomCuboid(self.R_room_camera, self.distances / unit) if unit > 0.0 else self
 
     def raster(self, camera: CameraIntrinsics) -> NDArray[np.uint8]:
         """Return the layout image: (H, W) uint8, face ids 1..5 (0 where no finite face is hit)."""

@@ -1,10 +1,10 @@
 """What hangs over the floor and is seen from about its own height: of a table's top a robot sees little but the edge.
 
-The overhang's look up from the floor (`overhang.py`) needs a piece of the thing that is as high as a hand is long. Here
-each column of the picture is followed upwards instead, over the things that it meets: floor is under their pixels; it is
-under what lies between two of them on one level; under pixels without depth that are labelled as the thing and
-lie behind its edge, for a sensor loses a top that it sees flat; and as far behind the edge as a level surface can go on
-without a pixel more.
+A look up from the floor (`overhang.py`) needs a piece of the thing that is as high as a hand is long. Here each column
+of the picture is followed upwards instead, over the things that it meets. Below a thing is the floor under its pixels;
+that between two of them on one level; that under pixels without depth that are labelled as a thing and lie behind
+its edge, for a sensor loses a top that it sees flat; and so much behind the edge as a level surface may go on without
+one more pixel.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _SAME_LEVEL_M, _SAME_RANGE_M = 0.08, 0.5
 """The next pixel up is of the same thing if it is no farther from the last in height, and over the floor."""
 
 _THIN_M, _DEEP_M, _SHALLOW_M = 0.10, 1.2, 0.1
-"""The edge of a level surface is no higher than the first; such a surface may go on for the second, others for the third
-behind the farthest pixel."""
+"""The edge of a level surface is no higher than the first. Behind its farthest pixel such a surface may go on for the
+second (a table is long, seen from its corner), other things for the third."""
 
 _DEEPEST_M = 1.5
 """So far a surface goes on over pixels without depth."""
@@ -40,11 +40,12 @@ _LEVEL = 1e-6
 _SIDEWAYS = 1e-9
 
 _NOTHING, _PIXEL, _THING, _NO_DEPTH = range(4)
-"""What a column follows: nothing, one pixel (a single one may be a stray), a thing, pixels without depth behind its edge."""
+"""What a column follows: nothing, one pixel (it may be a stray), a thing, pixels without depth behind its edge."""
 
 _LAST, _LOWEST, _UNDERSIDE, _RANGE, _HEIGHT, _LOST_FROM = range(6)
-"""Of a column: inverse depth of the last pixel of the thing; height of the first; how far the underside may go on, by the
-ray below that (inf). Where the depth is lost: distance from below the camera that was reached, height, and from where."""
+"""Of a column: inverse depth of the last pixel of the thing; height of the first; how far its underside may go on, by
+the ray below that (inf). Where the depth is lost: the distance from below the camera that was reached; height; since
+which distance."""
 
 
 def hide_below_level_things(
@@ -85,10 +86,11 @@ def _upright(
         intrinsics, T = (fy, fx, cy, height_width[1] - 1 - cx), np.stack([T[1], -T[0], T[2]])
         height_width = height_width[::-1]
         quarters += 1
+    inverse, kind, labels, cell = images
     if quarters:
-        inverse, kind, labels, cell = (np.ascontiguousarray(np.rot90(image, quarters)) for image in images)
-        images = (inverse, kind, labels, cell)
-    return images, intrinsics, np.ascontiguousarray(T[:3])
+        inverse, kind = np.rot90(inverse, quarters).copy(), np.rot90(kind, quarters).copy()
+        labels, cell = np.rot90(labels, quarters).copy(), np.rot90(cell, quarters).copy()
+    return (inverse, kind, labels, cell), intrinsics, np.ascontiguousarray(T[:3])
 
 
 @njit(cache=True, nogil=True)
@@ -133,7 +135,7 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
 
 @njit(cache=True, nogil=True)
 def _rows_to_depth(inverse, labels, v, u):  # type: ignore[no-untyped-def]
-    """Rows down to the first pixel that is not a thing without depth: an underside that is seen flat loses its depth too."""
+    """Rows down to the first pixel that is no thing without depth: an underside seen flat loses its depth too."""
     n = 1
     while v + n < len(inverse) and inverse[v + n, u] <= 0.0 and labels[v + n, u] == CLUTTER:
         n += 1
@@ -151,10 +153,10 @@ def _last_seen(follows, column, rays, above_floor):  # type: ignore[no-untyped-d
 
 @njit(cache=True, nogil=True)
 def _meet(follows, goes_on, column, w, rays, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
-    """Follow a column on to a pixel of a thing, the same as that of the last (as is sure if it `goes_on`) or another.
+    """Follow a column on to a pixel of a thing: that of the last (surely, if it `goes_on`) or another.
 
-    `rays` : unit vector over the floor, ahead and to the left; way over the floor and up per metre of depth; both of the
-    pixel below.
+    `rays` : unit vector over the floor, ahead and to the left; way over the floor and up per metre of depth; both of
+    the pixel below.
     """
     _, _, along, up, _, _ = rays
     r, h = along / w, above_floor + up / w

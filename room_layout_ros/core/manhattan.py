@@ -3,7 +3,7 @@
 Hypothesise, score, refine [N12]: a first axis from the modes of the cell normals, the rotation about it from the
 azimuths of the others modulo 90 degrees; the triple that explains most normals wins. It is then refined on whole
 planes: cells that agree with an axis are grown into connected planes whose summed moments give normals far more
-precise than a cell's, and the rotation that fits these best follows in closed form.
+precise than a cell's, and the rotation that fits these best follows from Gauss-Newton steps (axes_refinement.py).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from .config import EstimatorConfig
 from .depth import DepthGeometry, fit_cell_planes
 from .frame import CameraIntrinsics
 from .lines import LineSegments, segment_planes
+from .room_axes import angle_between_axes, name_axes, other_front
 from .tracking import TemporalPrior
 from .vanishing_points import estimate_axes_from_lines
 
@@ -71,8 +72,9 @@ def find_axes(
     if segments is None or len(segments) == 0:
         return None
     found = estimate_axes_from_lines(segments, camera, config, prior.gravity)
-    named = [turned for R in found.hypotheses for turned in (R, other_front(R))]
-    return ManhattanFrame(found.R_room_camera, found.confidence, tuple(named))
+    names = [name_axes(R, prior.gravity) for R in found.hypotheses]
+    hypotheses = tuple(turned for R in names for turned in (R, other_front(R)))
+    return ManhattanFrame(hypotheses[0], found.confidence, hypotheses)
 
 
 def estimate_manhattan_frame(
@@ -112,7 +114,7 @@ def estimate_manhattan_frame(
     small = fit_cell_planes(geometry, radius=1)
     for _, i in scored[:3]:
         R = refine_on_planes(geometry, starts[i], lines, lengths, cells=small)
-        if all(angle_between_frames(R, other) > _SAME_FRAME_RAD for _, other in refined):
+        if all(angle_between_axes(R, other) > _SAME_FRAME_RAD for _, other in refined):
             refined.append((_score(R, cells.normal, weight, _BANDWIDTH), name_axes(R, gravity)))
     refined.sort(key=lambda item: -item[0])
     hypotheses = [turned for _, R in refined for turned in (R, other_front(R))]
@@ -122,36 +124,6 @@ def estimate_manhattan_frame(
 def _interpretation(segments: LineSegments, geometry: DepthGeometry) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     normals, _ = segment_planes(segments, geometry.camera)
     return normals, segments.length_px.astype(np.float64)
-
-
-def name_axes(R: NDArray[np.float64], gravity: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-    """Order and sign three orthogonal rows as X right, Y down, Z front (the one nearest the optical axis)."""
-    down = np.array([0.0, 1.0, 0.0]) if gravity is None else gravity
-    k = int(np.argmax(np.abs(R @ down)))
-    y = R[k] * np.sign(R[k] @ down)
-    horizontal = [R[j] for j in range(3) if j != k]
-    z = max(horizontal, key=lambda v: abs(v[2]))
-    z = z if z[2] >= 0 else -z
-    return np.array([cross(y, z), y, z])
-
-
-def other_front(R: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the frame with the other horizontal axis as front (towards the camera's view)."""
-    x, y, _ = R
-    z = x if x[2] >= 0 else -x
-    return np.array([cross(y, z), y, z])
-
-
-def angle_between_frames(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Smallest rotation in radians between two frames, modulo the 24 rotations of the cube."""
-    m = np.abs(a @ b.T)
-    order = np.argmax(m, axis=1)
-    if len(set(order.tolist())) < 3:
-        return float(np.pi / 4)
-    signed = (a @ b.T)[np.arange(3), order]
-    c = a * np.sign(signed)[:, None]
-    trace = float(np.sum(c * b[order]))
-    return float(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))
 
 
 def _candidates(

@@ -122,4 +122,3 @@ def observe(
     scene = run("pooling", pool_scene, scores, superpixels.index, superpixels.count)
     features = add_scene(features, scene)
     return Observation(geometry, segments, line_class, axes, superpixels, features, orientation, scores, scene, parts)
-

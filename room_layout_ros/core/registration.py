@@ -11,6 +11,9 @@ from .frame import CameraIntrinsics
 _MAX_SPLAT_PX = 16
 """No depth pixel covers more than this of the other image in either direction."""
 
+_SAME_SURFACE = 0.1
+"""Part of its depth by which a pixel may be nearer or farther than its neighbour on the same surface."""
+
 
 def register_depth(
     depth_m: NDArray[np.float32],
@@ -20,8 +23,9 @@ def register_depth(
 ) -> NDArray[np.float32]:
     """Return the depth image in the view of the colour camera.
 
-    Each measured pixel is a small square facing the depth camera; its corners are carried over and the box around
-    them is filled, the nearest square winning. So no holes appear where the colour image has more pixels.
+    Each measured pixel is a small piece of surface: its corners, each at the mean depth of the pixels of that surface
+    that meet there, are carried over and the box around them is filled, the nearest piece winning. So no holes appear
+    where the colour image has more pixels, nor between the rows of a floor that is seen flat.
 
     Parameters
     ----------
@@ -59,12 +63,12 @@ def _splat(depth_m, per_pixel, offset, limit, nearest):  # type: ignore[no-untyp
     height, width = nearest.shape
     for y in range(depth_m.shape[0]):
         for x in range(depth_m.shape[1]):
-            z = depth_m[y, x]
-            if not (z > 0.0 and z < np.inf):
+            if not 0.0 < depth_m[y, x] < np.inf:
                 continue
             left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
             behind = False
             for k in range(4):
+                z = _corner_depth(depth_m, x, y, 2 * (k % 2) - 1, 2 * (k // 2) - 1)
                 dx, dy = x - 0.5 + (k % 2), y - 0.5 + (k // 2)
                 p = per_pixel[0, 0] * dx + per_pixel[0, 1] * dy + per_pixel[0, 2]
                 q = per_pixel[1, 0] * dx + per_pixel[1, 1] * dy + per_pixel[1, 2]
@@ -77,9 +81,24 @@ def _splat(depth_m, per_pixel, offset, limit, nearest):  # type: ignore[no-untyp
                 left, right, top, bottom = min(left, u), max(right, u), min(top, v), max(bottom, v)
             if behind or right - left > limit or bottom - top > limit:
                 continue
-            far = (per_pixel[2, 0] * x + per_pixel[2, 1] * y + per_pixel[2, 2]) * z + offset[2]
+            far = (per_pixel[2, 0] * x + per_pixel[2, 1] * y + per_pixel[2, 2]) * depth_m[y, x] + offset[2]
             # pixels whose centres lie in the box; the half-open end keeps neighbours apart
             for v_px in range(max(0, int(np.ceil(top))), min(height, int(np.ceil(bottom)))):
                 for u_px in range(max(0, int(np.ceil(left))), min(width, int(np.ceil(right)))):
                     if far < nearest[v_px, u_px]:
                         nearest[v_px, u_px] = far
+
+
+@njit(cache=True, nogil=True)
+def _corner_depth(depth_m, x, y, right, down):  # type: ignore[no-untyped-def]
+    """Mean depth of a pixel and of those of its surface at one of its corners; `right` and `down` are 1 or -1."""
+    z = depth_m[y, x]
+    total, count = np.float64(z), 1
+    for n in range(1, 4):
+        u, v = x + (n % 2) * right, y + (n // 2) * down
+        if 0 <= u < depth_m.shape[1] and 0 <= v < depth_m.shape[0]:
+            other = depth_m[v, u]
+            if abs(other - z) < _SAME_SURFACE * z:
+                total += other
+                count += 1
+    return total / count

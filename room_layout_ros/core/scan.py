@@ -92,8 +92,8 @@ def _cast(inverse, intrinsics, T, kind, cell, grid, fan, corner):  # type: ignor
 
 @njit(cache=True, nogil=True)
 def _pixel_ranges(inverse, intrinsics, T, kind, cell, grid, fan):  # type: ignore[no-untyped-def]
-    """Distance (beams,) of the `_MIN_HITS`-th nearest pixel of walls, and of things in occupied cells or outside the grid; inf
-    without.
+    """Distance (beams,) of the `_MIN_HITS`-th nearest pixel of walls, and of things in occupied cells or outside the
+    grid; inf without.
     """
     fx, fy, cx, cy = intrinsics
     first, increment, beams = fan

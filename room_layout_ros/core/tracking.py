@@ -25,6 +25,7 @@ class TemporalPrior:
 
 
 def next_prior(estimate: RoomEstimate, gravity: NDArray[np.float64] | None = None) -> TemporalPrior:
-    """Return the prior for the next frame; a failed estimate hands on nothing but gravity."""
-    axes = estimate.R_room_camera if estimate.status is Status.OK else None
+    """Return the prior for the next frame; an estimate without axes hands on nothing but gravity."""
+    found = estimate.status in (Status.OK, Status.DEADLINE)  # the axes come before what a deadline cuts short
+    axes = estimate.R_room_camera if found else None
     return TemporalPrior(axes, gravity)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from .config import EstimatorConfig
 from .frame import CameraIntrinsics
 from .lines import LineSegments, segment_planes
+from .room_axes import angle_between_axes
 
 _GRID = 40
 """Cells per side of each cube face of the direction table: about 2.2 degrees."""
@@ -41,21 +42,15 @@ class AxesEstimate:
 
     Attributes
     ----------
-    R_room_camera : (3, 3) float64
-        Rows are the room axes X right, Y down, Z front in the camera frame; Z is the horizontal axis that
-        faces the camera most.
     confidence : float
         0..1: share of cases like this one in which the axes are right within 5 degrees.
     hypotheses : tuple of (3, 3) float64
-        Distinct rotations, best first; the first is `R_room_camera`.
-    scores : tuple of float
-        Of the hypotheses: the share of line length they explain, with the prior.
+        Distinct rotations into the camera frame, best first; the second row is down, the others are not named yet
+        (`room_axes.name_axes`).
     """
 
-    R_room_camera: NDArray[np.float64]
     confidence: float
     hypotheses: tuple[NDArray[np.float64], ...]
-    scores: tuple[float, ...]
 
 
 def estimate_axes_from_lines(
@@ -94,41 +89,11 @@ def estimate_axes_from_lines(
     tolerance = np.sin(np.deg2rad(_REFINE_TOLERANCE_DEG) + noise)
     for tilt, roll, turn in _modes(score, tilts, rolls, yaw):
         R, value = _refine(_rotation(tilt, roll, turn), normal, middle, weight, tolerance, down)
-        if all(axes_angle_deg(R, other) > _DISTINCT_DEG / 2 for _, other in found):
-            found.append((value, _facing(R)))
+        if all(angle_between_axes(R, other) > np.deg2rad(_DISTINCT_DEG / 2) for _, other in found):
+            found.append((value, R))
     found.sort(key=lambda pair: -pair[0])
     found = found[:_MAX_HYPOTHESES]
-    return AxesEstimate(
-        found[0][1], _confidence(found, len(segments)), tuple(R for _, R in found), tuple(v for v, _ in found)
-    )
-
-
-def axes_angle_deg(first: NDArray[np.float64], second: NDArray[np.float64], symmetric: bool = True) -> float:
-    """Return the angle in degrees between two rotations; `symmetric` names the axes at best (24 ways)."""
-    if not symmetric:
-        cosine = (np.trace(first @ second.T) - 1.0) / 2.0
-    else:
-        cosine = max((np.trace(turn @ first @ second.T) - 1.0) / 2.0 for turn in AXIS_TURNS)
-    return float(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))))
-
-
-def _axis_turns() -> NDArray[np.float64]:
-    turns = []
-    for a in range(3):
-        for b in range(3):
-            if a == b:
-                continue
-            for sa in (1.0, -1.0):
-                for sb in (1.0, -1.0):
-                    turn = np.zeros((3, 3))
-                    turn[0, a], turn[1, b] = sa, sb
-                    turn[2] = np.cross(turn[0], turn[1])
-                    turns.append(turn)
-    return np.array(turns)
-
-
-AXIS_TURNS = _axis_turns()
-"""(24, 3, 3) rotations that map the axes onto each other."""
+    return AxesEstimate(_confidence(found, len(segments)), tuple(R for _, R in found))
 
 
 def _upright_grid(
@@ -331,14 +296,6 @@ def _gauss_newton(R, normal, middle, weight, tolerance, down, down_weight):  # t
         R[2] /= np.sqrt((R[2] * R[2]).sum())
         R[0] = np.cross(R[1], R[2])
     return R
-
-
-def _facing(R: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Name the axes: Y down, Z the horizontal axis nearest to the view, X = Y x Z."""
-    y = R[1] if R[1, 1] >= 0 else -R[1]
-    z = R[2] if abs(R[2, 2]) >= abs(R[0, 2]) else R[0]
-    z = z if z[2] >= 0 else -z
-    return np.stack([np.cross(y, z), y, z])
 
 
 def _confidence(found: list[tuple[float, NDArray[np.float64]]], count: int) -> float:

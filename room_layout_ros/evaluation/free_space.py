@@ -43,6 +43,7 @@ CHECKED_M = (1.0, 3.0)
 OBSTACLE_M = 0.05
 """Height from which on a thing is an obstacle in that check."""
 
+
 @dataclass(frozen=True, slots=True)
 class Mount:
     """A camera on a robot: its optics, and the ranges of its height over the floor and of its pitch."""

@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import N_FACES
 from room_layout_ros.core.layout import FACE_AXIS, FACE_SIGN, RoomCuboid
+from room_layout_ros.core.room_axes import angle_between_axes
 
 MISSING_CORNER = 0.3
 """Error of a corner without a partner, in image diagonals; no pair counts more than this."""
@@ -90,10 +91,7 @@ def plane_errors(truth: RoomCuboid, estimate: RoomCuboid, wall_names: tuple[int,
 
 def axes_error_deg(R_true: NDArray[np.float64], R: NDArray[np.float64]) -> float:
     """Return the angle between two Manhattan frames in degrees, modulo the cube's 24 rotations."""
-    # Rounding a rotation near a cube rotation finds that rotation; else the best of the 24 is within 62.8 deg.
-    relative = R_true @ R.T
-    best = max(float(np.trace(relative @ Q)) for Q in _cube_rotations())
-    return float(np.degrees(np.arccos(np.clip((best - 1) / 2, -1, 1))))
+    return float(np.degrees(angle_between_axes(R_true, R)))
 
 
 def room_iou(truth: RoomCuboid, estimate: RoomCuboid, camera: CameraIntrinsics, reach_m: float = 10.0) -> float:
@@ -153,15 +151,3 @@ def _volume(halfspaces: NDArray[np.float64], camera: CameraIntrinsics) -> float:
     nearest = -halfspaces[halfspaces[:, 3] < 0, 3].max()
     corners = HalfspaceIntersection(halfspaces, 0.5 * nearest * ahead).intersections
     return float(ConvexHull(corners).volume)
-
-
-def _cube_rotations() -> list[NDArray[np.float64]]:
-    rotations = []
-    for order in np.array(np.meshgrid([0, 1, 2], [0, 1, 2], [0, 1, 2])).T.reshape(-1, 3):
-        if len(set(order)) < 3:
-            continue
-        for signs in np.array(np.meshgrid([1, -1], [1, -1], [1, -1])).T.reshape(-1, 3):
-            Q = np.eye(3)[order] * signs
-            if np.linalg.det(Q) > 0:
-                rotations.append(Q)
-    return rotations

@@ -17,8 +17,8 @@ from ..core.joint_problem import build_joint_problem, loss_costs
 from ..core.labels import CLUTTER, FRONT_WALL, N_FACES, N_LABELS
 from ..core.layout import RoomCuboid
 from ..core.layout_search import Layout, search_layout
-from ..core.manhattan import angle_between_frames
 from ..core.observation import Observation, no_scene, observe
+from ..core.room_axes import angle_between_axes
 from .losses import JointLoss, joint_loss
 from .scene_folds import SceneFolds
 from .superpixel_truth import class_histogram, label_histogram, rename_walls, true_labels
@@ -124,7 +124,7 @@ def build_example(
         costs.append(loss_costs(problem, shares))
         stated.append(_state_truth(problem, costs[-1], shares, context))
     losses = [joint_loss(p, c, s[0], s[1]) for p, c, s in zip(problems, costs, stated, strict=True)]
-    turned = [angle_between_frames(one.R_room_camera, d.cuboid.R_room_camera) for one in evidence]
+    turned = [angle_between_axes(one.R_room_camera, d.cuboid.R_room_camera) for one in evidence]
     best = min(range(len(evidence)), key=lambda h: (round(losses[h].total, 2), turned[h]))
     if losses[best].layout > _MAX_UNEXPLAINED:
         return None
