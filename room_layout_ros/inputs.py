@@ -144,6 +144,29 @@ def assemble(
     return RgbdFrame(reading.camera, color_rgb, depth_m, pair.stamp_ns, lead.frame_id)
 
 
+def foreign_cameras(
+    pair: Pair[ImageItem], cameras: Mapping[str, CameraReading | None], node: NodeConfig
+) -> dict[str, str]:
+    """Return a sentence, by stream, for each camera_info that lies in another frame than the image it is used with.
+
+    It may be that of another camera of the same size. Drivers are known that name both frames of one camera otherwise,
+    so the frame is worked all the same.
+    """
+    color, depth = pair.color, pair.depth
+    of_color = depth if color is None and node.depth_registered else color
+    found = {}
+    for stream, image in ((CAMERA, of_color), (DEPTH_CAMERA, None if node.depth_registered else depth)):
+        reading = cameras[stream]
+        if image is None or reading is None or reading.frame_id == image.frame_id:
+            continue
+        if reading.frame_id and image.frame_id:
+            found[stream] = (
+                f"camera_info is in frame {clean_text(reading.frame_id)} and its images in frame "
+                f"{clean_text(image.frame_id)}; is it that of another camera?"
+            )
+    return found
+
+
 def _no_camera_info(whose: str) -> RefusedError:
     return RefusedError("no camera_info", f"no camera_info{whose} has come yet; images cannot be used without it")
 
@@ -187,6 +210,8 @@ def _registered_here(
     _check_camera(depth_reading, "depth", depth)
     if node.depth_to_color:
         T_color_depth: NDArray[np.float64] | None = parse_pose(node.depth_to_color)
+    elif color.frame_id and color.frame_id == depth.frame_id:
+        T_color_depth = np.eye(4)
     else:
         T_color_depth = find(color.frame_id, depth.frame_id, stamp_ns)
     if T_color_depth is None:

@@ -44,7 +44,7 @@ class Reporter:
 
     def _tell(self, finding: Finding) -> None:
         """Log a finding when it turns up, every ten seconds while it lasts, and when it is over."""
-        kind = finding.message.split(" for ")[0] if finding.level >= Level.WARN else ""
+        kind = finding.kind if finding.level >= Level.WARN else ""
         before, at = self._told.get(finding.name, ("", 0.0))
         now = time.monotonic()
         if kind and not finding.logged and (kind != before or now - at >= _REPEAT_S):

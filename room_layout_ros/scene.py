@@ -18,6 +18,12 @@ from .core.labels import FLOOR
 from .node_config import NodeConfig
 
 _LEAST_PIXELS = 500
+_STRIDE = 4
+_BELOW_M, _BELOW_RAD = 0.15, np.deg2rad(6.0)
+"""What is measured deeper below the given floor than this, and than this angle, is below any floor that depth would
+take for the given one (core/floor_plane.py)."""
+_BELOW_SHARE = 0.05
+"""Of the measured pixels; noise and mirrors are less."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +49,26 @@ class Scene:
         return compute_free_space(self.geometry, self.estimate, self.estimator, self.floor, self.frame.color)
 
     @cached_property
-    def sees_floor(self) -> bool:
-        """Whether so much floor is seen and measured that depth could confirm where it is."""
+    def denies_floor(self) -> bool:
+        """Whether depth that does not lie on the given floor is measured where that should be.
+
+        Either floor is seen, by its label; or so much is measured through the given floor, below it, that there is
+        none. Labels alone do not tell: with a wrong tilt they name a wall or the ceiling so, or nothing.
+        """
         if self.geometry is None:
             return False
         seen = np.count_nonzero((self.estimate.labels == FLOOR) & (self.geometry.inverse_depth > 0))
-        return bool(seen >= max(self.estimator.floor_min_share * self.estimate.labels.size, _LEAST_PIXELS))
+        least = max(self.estimator.floor_min_share * self.estimate.labels.size, _LEAST_PIXELS)
+        return bool(seen >= least) or self._sees_through(self.geometry)
+
+    def _sees_through(self, geometry: DepthGeometry) -> bool:
+        if self.floor is None or not np.isfinite(self.floor.distance_m):
+            return False
+        points = geometry.points(_STRIDE).reshape(-1, 3)
+        points = points[np.isfinite(points[:, 2])].astype(np.float64)
+        height_m = self.floor.distance_m - points @ self.floor.normal
+        below = np.count_nonzero(height_m < -(_BELOW_M + np.tan(_BELOW_RAD) * points[:, 2]))
+        return bool(below * _STRIDE**2 >= _LEAST_PIXELS and below >= _BELOW_SHARE * len(points))
 
     @cached_property
     def objects(self) -> tuple[ObjectCuboid, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -22,8 +23,8 @@ from .inputs import read_camera, read_image, transport_of
 from .node_config import NodeConfig
 from .publications import Publications
 from .reporter import Reporter, dds_profile
-from .runtime.diagnosis import NodeFacts
-from .runtime.session import CAMERA, CAMERAS, IMU, JUMP, EstimatorSession, RefusedError
+from .runtime.diagnosis import InputFacts, NodeFacts
+from .runtime.session import CAMERA, CAMERAS, DEPTH_CAMERA, IMU, JUMP, EstimatorSession, RefusedError
 from .runtime.throttle import Throttle
 from .settings import MakeEstimator, Settings, check_streams
 from .stages import NodeStages
@@ -57,7 +58,9 @@ class Shell:
         self._inputs = Subscriptions(node, self._guard, self._on_message, self._on_imu, self._on_lost)
         node.add_on_set_parameters_callback(self._check_parameters)
         node.add_post_set_parameters_callback(self._apply_parameters)
+        self._checked: tuple[dict[str, Any], Settings] | None = None
         self._session: EstimatorSession | None = None
+        self._stages: NodeStages | None = None
         self._late: list[EstimatorSession] = []
         self._publications: Publications | None = None
         self._timers: list[Any] = []
@@ -73,7 +76,7 @@ class Shell:
         """Make the publishers and start to warm up."""
         node = self._node
         self._publications = publications = Publications(node)
-        stages = NodeStages(node, publications, self._transforms, self._floor_pose, self.complain)
+        self._stages = stages = NodeStages(node, publications, self._transforms, self._floor_pose, self.complain)
         self._session = session = EstimatorSession(stages, self._settings.rules())
         camera = self._settings.camera
         if camera is not None:
@@ -106,7 +109,7 @@ class Shell:
         self._timers = []
         if self._session is not None and not self._session.close(_EXIT_S):
             self._late.append(self._session)
-        self._session = None
+        self._session = self._stages = None
         if self._publications is not None:
             self._publications.close()
         self._publications = None
@@ -212,7 +215,7 @@ class Shell:
     def _facts(self) -> NodeFacts:
         answer = self._floor_pose.answer
         return NodeFacts(
-            inputs=self._inputs.facts(self._settings),
+            inputs=self._input_facts(),
             state=self._state(),
             listening_s=self._inputs.listening_s,
             no_data_timeout_s=self._settings.node.no_data_timeout,
@@ -226,24 +229,42 @@ class Shell:
             transforms=self._transforms.said(),
         )
 
+    def _input_facts(self) -> dict[str, InputFacts]:
+        facts = self._inputs.facts(self._settings)
+        foreign = self._stages.foreign.after(self._settings.node.no_data_timeout) if self._stages else {}
+        given = {CAMERA: self._settings.camera, DEPTH_CAMERA: self._settings.depth_camera}
+        for stream in facts.keys() & given.keys():
+            camera = given[stream] or (self._session.newest_camera(stream) if self._session else None)
+            bent = camera.warning if camera is not None else ""
+            facts[stream] = replace(facts[stream], bent=bent, foreign=foreign.get(stream, ""))
+        return facts
+
     # ---- parameters
 
-    def _changed(self, changes: Sequence[Any]) -> tuple[EstimatorConfig, NodeConfig]:
+    def _changed(self, changes: Sequence[Any]) -> Settings:
+        """Return the settings with changes; makes the estimator that they need."""
         values = {p.name: p.value for p in changes}
-        estimator = parameters.changed(self._settings.estimator.config, values)
-        check_streams(estimator)
-        return estimator, parameters.changed(self._settings.node, values)
+        config = parameters.changed(self._settings.estimator.config, values)
+        check_streams(config)
+        node = parameters.changed(self._settings.node, values)
+        return self._settings.changed(config, node, self._make_estimator)
 
     def _check_parameters(self, changes: Sequence[Any]) -> SetParametersResult:
+        """Refuse what is wrong, and what no estimator can be made of; what is made is kept for `_apply_parameters`."""
         try:
-            self._changed(changes)
+            self._checked = {p.name: p.value for p in changes}, self._changed(changes)
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:  # noqa: BLE001  it would end the service, and the parameter would stay as it is
+            return SetParametersResult(successful=False, reason=f"{type(error).__name__}: {error}")
         return SetParametersResult(successful=True)
 
     def _apply_parameters(self, changes: Sequence[Any]) -> None:
-        old, (config, node) = self._settings, self._changed(changes)
-        self._settings = old.changed(config, node, self._make_estimator)
+        old, checked, self._checked = self._settings, self._checked, None
+        if checked is not None and checked[0] == {p.name: p.value for p in changes}:
+            self._settings = checked[1]
+        else:
+            self._settings = self._changed(changes)
         if self._session is not None:
             self._session.configure(self._settings.rules())
         if not self._settings.subscribes_like(old):

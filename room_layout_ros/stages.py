@@ -2,32 +2,38 @@
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
 import cv2
-import numpy as np
-from numpy.typing import NDArray
+from rclpy.utilities import ok
 
 from msg_adapters.camera_info import CameraReading
 from msg_adapters.encode_navigation import encode_transform
 
 from .core.estimate import RoomEstimate
+from .core.floor_plane import FloorPlane
 from .core.frame import RgbdFrame
 from .core.tracking import TemporalPrior
 from .floor_pose import FloorPose
-from .inputs import ImageItem, assemble
+from .inputs import ImageItem, assemble, foreign_cameras
 from .outputs import OUTPUTS
 from .publications import Publications
-from .runtime.health import NO_DEPTH, NO_FLOOR, NOT_USED, FloorOutcome
+from .runtime.health import NO_DEPTH, NO_FLOOR, NO_LEVEL_FLOOR, NOT_USED, FloorOutcome
 from .runtime.pairing import Pair
 from .runtime.session import DEPTH_CAMERA, RefusedError
+from .runtime.throttle import Lasting
 from .runtime.warm_up import warm_up_frame
 from .scene import Scene
 from .settings import Settings
 from .transforms import Transforms
+
+_PATIENCE_S = 15.0
+"""A compilation that takes minutes says so this often."""
 
 
 class NodeStages:
@@ -53,6 +59,8 @@ class NodeStages:
     ) -> None:
         self._node, self._publications = node, publications
         self._transforms, self._floor_pose, self._complain = transforms, floor_pose, complain
+        self.foreign = Lasting()
+        """By stream why a camera may not be that of its images."""
 
     def warm_up(self, settings: Settings) -> None:
         """Run one made-up frame through everything."""
@@ -64,11 +72,30 @@ class NodeStages:
         start = time.monotonic()
         cv2.setNumThreads(1)  # OpenCV's pool only steals the core of the callbacks
         frame = warm_up_frame()
-        settings.estimator.estimate(replace(frame, depth_m=None))  # a camera may start with depth of nothing
-        scene = Scene(frame, settings.estimator.estimate(frame), settings.node, settings.estimator.config)
-        for output in OUTPUTS:
-            output.encode(scene)
+        with self._telling_that_it_compiles():
+            settings.estimator.estimate(replace(frame, depth_m=None))  # a camera may start with depth of nothing
+            scene = Scene(frame, settings.estimator.estimate(frame), settings.node, settings.estimator.config)
+            for output in OUTPUTS:
+                output.encode(scene)
         self._node.get_logger().info(f"ready, warm after {time.monotonic() - start:.1f} s")
+
+    @contextmanager
+    def _telling_that_it_compiles(self) -> Iterator[None]:
+        """Log now and then until it is over."""
+        start, over = time.monotonic(), threading.Event()
+
+        def tell() -> None:
+            while not over.wait(_PATIENCE_S) and ok(context=self._node.context):
+                so_far = f"{time.monotonic() - start:.0f} s so far"
+                self._node.get_logger().info(f"still compiling, {so_far}; the next start is fast")
+
+        teller = threading.Thread(target=tell, name="estimator-patience", daemon=True)
+        teller.start()
+        try:
+            yield
+        finally:
+            over.set()
+            teller.join()
 
     def assemble(
         self, pair: Pair[ImageItem], cameras: Mapping[str, CameraReading | None], settings: Settings
@@ -77,6 +104,7 @@ class NodeStages:
         if settings.depth_camera is not None:
             cameras = {**cameras, DEPTH_CAMERA: settings.depth_camera}
         frame = assemble(pair, cameras, settings.node, self._transforms.find)
+        self.foreign.note(foreign_cameras(pair, cameras, settings.node))
         floor = settings.node.floor_below(frame.frame_id)
         if floor == frame.frame_id:
             raise RefusedError(
@@ -91,10 +119,9 @@ class NodeStages:
             )
         return frame
 
-    def gravity(self, frame: RgbdFrame, settings: Settings) -> NDArray[np.float64] | None:
-        """Say which way is down."""
-        floor = self._floor_pose.expect(frame.frame_id, frame.stamp_ns, settings.node)
-        return None if floor is None else floor.normal
+    def expect_floor(self, frame: RgbdFrame, settings: Settings) -> FloorPlane | None:
+        """Say where the floor is expected, and which way is down."""
+        return self._floor_pose.expect(frame.frame_id, frame.stamp_ns, settings.node)
 
     def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None, settings: Settings) -> RoomEstimate:
         """Estimate the room, within the deadline where there is one."""
@@ -103,9 +130,10 @@ class NodeStages:
         end = time.monotonic() + settings.node.deadline_ms * 1e-3
         return settings.estimator.estimate(frame, prior, lambda: time.monotonic() > end)
 
-    def publish(self, frame: RgbdFrame, estimate: RoomEstimate, settings: Settings) -> FloorOutcome | None:
+    def publish(
+        self, frame: RgbdFrame, estimate: RoomEstimate, floor: FloorPlane | None, settings: Settings
+    ) -> FloorOutcome | None:
         """Send what somebody listens to; say what became of the floor, None where nobody wanted it."""
-        floor = self._floor_pose.expect(frame.frame_id, frame.stamp_ns, settings.node)
         scene = Scene(frame, estimate, settings.node, settings.estimator.config, floor)
         sent = self._publications.send(scene)
         if sent.on_floor and scene.free_space is not None and settings.node.broadcast_floor:
@@ -131,6 +159,7 @@ def _floor_outcome(scene: Scene) -> FloorOutcome:
         return FloorOutcome("", NO_DEPTH, frame=scene.floor_frame)
     space = scene.free_space
     if space is None:
-        return FloorOutcome("", NO_FLOOR, frame=scene.floor_frame)
-    confirmed = space.source.endswith("+depth") or not scene.sees_floor
+        missing = NO_FLOOR if scene.floor is None else NO_LEVEL_FLOOR  # with a height it would have been kept
+        return FloorOutcome("", missing, frame=scene.floor_frame)
+    confirmed = space.source.endswith("+depth") or not scene.denies_floor
     return FloorOutcome(space.source, confirmed=confirmed, frame=scene.floor_frame)

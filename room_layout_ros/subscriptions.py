@@ -24,7 +24,7 @@ from msg_adapters import messages
 from .inputs import IMU_TOPIC, INPUT_TOPICS, TRANSPORTS, transport_of
 from .runtime.diagnosis import InputFacts
 from .runtime.pairing import COLOR, DEPTH
-from .runtime.session import CAMERA, CAMERAS, IMU
+from .runtime.session import CAMERA, CAMERAS, DEPTH_CAMERA, IMU
 from .settings import Settings
 
 _DEPTH = 5
@@ -116,7 +116,8 @@ class Subscriptions:
         """Return what the graph says about each input, for the diagnosis."""
         facts = {}
         for stream, wanted in settings.used().items():
-            if wanted or stream in (COLOR, DEPTH, CAMERA):
+            file = settings.depth_camera if stream == DEPTH_CAMERA and not settings.node.depth_registered else None
+            if wanted or file is not None or stream in (COLOR, DEPTH, CAMERA):
                 topic = self._topic(stream, settings)
                 publishers = self._node.count_publishers(topic)
                 pose = _extrinsics(settings) if stream == DEPTH else ""

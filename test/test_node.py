@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
 
 from dds_player import camera_info
-from node_bench import Bench, QuickEstimator, running
+from node_bench import Bench, GatedEstimator, QuickEstimator, running
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rclpy.serialization import serialize_message
@@ -309,6 +309,37 @@ def test_a_parameter_out_of_bounds_is_refused_and_the_old_set_stays(bench: Bench
     bench.expect(first)
 
 
+@pytest.mark.parametrize("error", (ValueError("weights of 5 layers; 4 are needed"), RuntimeError("no memory today")))
+def test_f33_a_parameter_that_no_estimator_can_be_made_of_is_refused_and_changes_nothing(
+    bench: Bench, first: int, error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(config: EstimatorConfig) -> Any:
+        raise error
+
+    before = bench.node.shell._settings
+    with monkeypatch.context() as patch:
+        patch.setattr(bench.node.shell, "_make_estimator", broken)
+        result = bench.node.set_parameters([Parameter("superpixel_count", value=321)])[0]
+    assert not result.successful
+    assert str(error) in result.reason
+    assert bench.node.get_parameter("superpixel_count").value == before.estimator.config.superpixel_count
+    assert bench.node.shell._settings is before
+    bench.expect(first)
+
+
+def test_a_change_makes_one_estimator_and_a_refused_one_leaves_none_behind(bench: Bench) -> None:
+    number = len(bench.estimators)
+    for count, queue, well in ((150, 10, True), (160, -1, False), (150, 11, True)):
+        changes = [Parameter("superpixel_count", value=count), Parameter("queue_size", value=queue)]
+        assert bench.node.set_parameters_atomically(changes).successful == well
+        settings = bench.node.shell._settings
+        assert settings.estimator.config.superpixel_count == 150
+        assert settings.node.queue_size == bench.node.get_parameter("queue_size").value
+    assert len(bench.estimators) == number + 1
+    back = [Parameter("superpixel_count", value=200), Parameter("queue_size", value=10)]
+    assert bench.node.set_parameters_atomically(back).successful
+
+
 def test_parameters_change_while_frames_run(bench: Bench, first: int) -> None:
     for i in range(200):
         value = 100 + i % 7
@@ -483,6 +514,25 @@ def test_colour_only_does_without_depth() -> None:
         bench.send(0, depth=False)
         bench.until(lambda: bench.labels_of(0))
         assert bench.estimators[0].frames[-1].depth_m is None
+
+
+def test_a_warm_up_that_takes_long_says_so_until_it_is_over(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    class Compiling(GatedEstimator):
+        def __init__(self, config: EstimatorConfig) -> None:
+            super().__init__(config)
+            self.gate.clear()
+
+    monkeypatch.setattr("room_layout_ros.stages._PATIENCE_S", 0.1)
+    with running(estimator=Compiling) as bench:
+        bench.spin(0.35)
+        bench.estimators[0].gate.set()
+        bench.connect()
+        bench.spin(0.3)
+    said = capfd.readouterr().err
+    assert 2 <= said.count("still compiling, 0 s so far; the next start is fast") <= 6
+    assert "still compiling" not in said.partition("ready, warm after")[2]
 
 
 def test_f40_an_exception_in_a_callback_does_not_end_the_node(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -145,6 +145,69 @@ def test_a_calibration_file_gets_the_warning_that_camera_info_gets(
     assert [line.partition(f"{path} ")[2] for line in said] == ([warning] if warning else [])
 
 
+def bent_info(i: int) -> Any:
+    info = camera_info(stamp_ns(i))
+    info.d = [0.1, 0.0, 0.0, 0.0, 0.0]
+    return info
+
+
+BENT_TOPIC = "camera_info has distortion but the same K and P; if the images are not rectified, the room will be bent"
+
+
+def test_images_that_may_be_bent_are_a_warning_on_diagnostics_and_one_line_in_the_log(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    with running() as bench:
+        bench.connect()
+        bench.send(0, info=bent_info(0))
+        bench.until(lambda: bench.labels_of(0))
+        bench.until(lambda: bench.diagnosis()["input camera_info"] == (1, BENT_TOPIC))
+        bench.spin(0.5)
+        bench.expect(1)
+        bench.until(lambda: bench.well("input camera_info"))
+    assert capfd.readouterr().err.count(BENT_TOPIC) == 1
+
+
+def test_a_calibration_file_of_a_bent_camera_is_a_warning_on_diagnostics(tmp_path: Path) -> None:
+    color, depth = tmp_path / "color.yaml", tmp_path / "depth.yaml"
+    for path in (color, depth):
+        write_calibration(path, replace(CameraCalibration.from_intrinsics(CAMERA), D=(0.1, 0.0, 0.0, 0.0, 0.0)))
+    files: dict[str, Any] = {"camera_file": str(color), "depth_camera_file": str(depth)}
+    with running(lazy_inputs=False, depth_registered=False, **files) as bench:
+        for name, path in (("input camera_info", color), ("input camera_info of depth", depth)):
+            bench.until(partial(bench.said, name, f"{path} {BENT}"))
+
+
+def test_f14_a_camera_info_of_another_frame_is_a_warning_with_both_frames_once_it_lasts() -> None:
+    """It has the size of the images, and is that of another camera: nothing else would tell."""
+
+    def infrared(i: int) -> Any:
+        info = camera_info(stamp_ns(i))
+        info.header.frame_id = "infrared"
+        return info
+
+    words = f"camera_info is in frame 'infrared' and its images in frame '{FRAME_ID}'; is it that of another camera?"
+    with running() as bench:
+        bench.connect()
+        bench.send(0, info=infrared(0))
+        bench.until(lambda: bench.labels_of(0))
+        bench.spin(0.3)
+        assert bench.well("input camera_info"), "not yet"
+        bench.until(lambda: bench.diagnosis()["input camera_info"] == (1, words))
+        bench.expect(30)
+        bench.until(lambda: bench.well("input camera_info"))
+
+
+def test_depth_in_the_frame_of_colour_needs_no_transform() -> None:
+    with running(depth_registered=False) as bench:
+        bench.connect()
+        add_depth_camera(bench).publish(depth_info(0))
+        bench.until(lambda: bench.health().streams["depth_camera_info"].received)
+        bench.send(0, depth=unregistered(0, FRAME_ID))
+        bench.until(lambda: bench.labels_of(0))
+        np.testing.assert_array_equal(bench.estimators[0].frames[-1].depth_m, registered(0, "0 0 0 0 0 0 1"))
+
+
 def unregistered(i: int, frame_id: str = DEPTH_FRAME) -> Any:
     """Return a depth image of half the size in a frame of its own."""
     half = np.ascontiguousarray(room_images(i)[1][::2, ::2])
@@ -366,7 +429,7 @@ def test_the_newest_pose_is_used_and_told_where_tf_lags_behind_the_frame(tf: Fak
         bench.expect(4)
         np.testing.assert_allclose(bench.estimators[0].priors[-1].gravity[2], np.sin(0.2), atol=1e-5)
         bench.until(lambda: said(bench, "transforms"))
-        words = f"base_footprint to {FRAME_ID}: 2 times not known at the frame's time, the newest was used"
+        words = f"base_footprint to {FRAME_ID}: 1 times not known at the frame's time, the newest was used"
         bench.until(lambda: said(bench, "transforms") == f"{words} (last 0.100 s older)")
 
 

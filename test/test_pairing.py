@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Iterable
+from dataclasses import replace
 
 import pytest
 
@@ -169,6 +170,19 @@ def test_f09_a_jump_of_an_hour_forward_starts_afresh(pairing: StreamPairing[str]
     hour = 3_600_000 * MS
     pairs = feed(pairing, both([frame(i) for i in range(5)] + [hour + frame(i) for i in range(5, 10)]))
     assert [p.reset for p in pairs] == [False] * 5 + [True] + [False] * 4
+
+
+@pytest.mark.parametrize("alone", ("", COLOR, DEPTH))
+@pytest.mark.parametrize(("passed_s", "reset"), ((0, True), (1, True), (54, True), (56, False), (60, False)))
+def test_f09_a_camera_that_was_silent_is_no_jump_of_the_clock(alone: str, passed_s: int, reset: bool) -> None:
+    """Stamps go on by a minute; what tells a pause from a jump is whether the minute has passed."""
+    pairing: StreamPairing[str] = StreamPairing(replace(RULES, use_color=alone != DEPTH, use_depth=alone != COLOR))
+    streams = (alone,) if alone else (COLOR, DEPTH)
+    pairs = []
+    for i, stamp in enumerate((frame(0), frame(1), frame(1) + 60_000 * MS, frame(2) + 60_000 * MS)):
+        now = 7 * MS + i * 33 * MS + (passed_s * 1000 * MS if i > 1 else 0)
+        pairs += [pair for s in streams if (pair := pairing.add(s, stamp, s, now)) is not None]
+    assert [p.reset for p in pairs] == [False, False, reset, False]
 
 
 @pytest.mark.parametrize("stream", (COLOR, DEPTH))

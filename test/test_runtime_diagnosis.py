@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from room_layout_ros.runtime.diagnosis import Finding, InputFacts, Level, NodeFacts, diagnose
-from room_layout_ros.runtime.health import FloorOutcome, Health, StreamHealth
+from room_layout_ros.runtime.health import NO_LEVEL_FLOOR, FloorOutcome, Health, StreamHealth
 from room_layout_ros.runtime.pairing import COLOR, DEPTH
 from room_layout_ros.runtime.session import CAMERA, IMU
 
@@ -276,6 +276,70 @@ def test_the_floor_says_the_name_of_its_frame() -> None:
     last = replace(GOOD, frame="left_floor")
     assert findings(replace(HEALTHY, floors=30, last_floor=last))["floor"].values["frame"] == "left_floor"
     assert findings()["floor"].values["frame"] == ""
+
+
+def test_what_lasts_has_one_kind_whatever_its_numbers() -> None:
+    """The log tells a fault anew only when its kind changes; messages of a fault change with every second."""
+
+    def kinds(name: str, *healths: Health) -> set[str]:
+        return {findings(health)[name].kind for health in healths}
+
+    assert {f.kind for f in findings().values()} == {""}
+    lost = [with_stream(COLOR, lost=n) for n in (12, 13)]
+    silent = [with_stream(COLOR, silence_s=s) for s in (7.0, 8.0)]
+    assert len(kinds("input colour", *lost)) == len(kinds("input colour", *silent)) == 1
+    assert len(kinds("input colour", HEALTHY, *lost, *silent)) == 3
+    empty = [replace(HEALTHY, no_estimate={status: n}) for n in (3, 4) for status in ("no depth", "no room in view")]
+    assert len(kinds("estimates", *empty)) == 2
+    assert len(kinds("estimates", *(replace(SIZED, camera_height_m=h) for h in (6.5, 6.6)))) == 1
+    floors = [replace(HEALTHY, floors=30, no_floor={reason: n}) for n in (7, 8) for reason in ("a", "b")]
+    assert len(kinds("floor", *floors)) == 2
+    assert len(kinds("floor", *(replace(HEALTHY, floors=30, floors_not_confirmed=n) for n in (7, 8)))) == 1
+
+
+def test_what_the_log_has_said_is_told_by_the_finding_not_by_its_words() -> None:
+    late = with_stream(COLOR, received=310, refused={"late": 3}, last_refusal="x")
+    assert findings(late)["input colour"].logged
+    quoted = with_stream(COLOR, lost=3)
+    assert not findings(quoted, facts=replace(FACTS, profile="/messages refused/frames dropped"))["input colour"].logged
+    assert findings(replace(HEALTHY, dropped={"error": 2}, last_drop="boom"))["estimates"].logged
+
+
+@pytest.mark.parametrize("wanted", (True, False), ids=("topic", "file"))
+def test_images_that_may_be_bent_are_a_warning_that_the_log_has(wanted: bool) -> None:
+    found = findings(facts=with_input(CAMERA, wanted=wanted, bent="it is bent"))["input camera_info"]
+    assert (found.level, found.message, found.logged) == (Level.WARN, "it is bent", True)
+    other = findings(facts=with_input(CAMERA, wanted=wanted, bent="it is bent", foreign="of another"))
+    assert other["input camera_info"].message == "of another; it is bent"
+    assert not other["input camera_info"].logged
+    idle = replace(with_input(CAMERA, wanted=wanted, bent="it is bent"), state="idle")
+    assert findings(facts=idle)["input camera_info"].level == Level.OK
+
+
+@pytest.mark.parametrize(
+    ("source", "cure"),
+    (
+        ("parameters", "is the tilt that parameters gives right (camera_pitch_deg, camera_roll_deg)? If no floor"),
+        ("imu", "is the tilt that imu gives right (imu_to_camera)? If no floor is in view, give the camera's height"),
+        ("tf", "is the tilt that tf gives right (robot_frame in TF)? If no floor is in view, give the camera's height"),
+    ),
+)
+def test_d03_a_tilt_along_which_no_floor_lies_is_asked_for_in_a_sentence(source: str, cure: str) -> None:
+    last, none = FloorOutcome("", NO_LEVEL_FLOOR), {NO_LEVEL_FLOOR: 30}
+    facts = replace(FACTS, pose_source=source, floor=source, no_height="camera_height is 0 (not known)")
+    level, words = floor_of(facts=facts, floors=30, no_floor=none, last_floor=last)
+    assert level == Level.WARN
+    assert words.startswith("no floor (nothing level below the camera) for 30 of 30 frames; outputs that need one")
+    assert cure in words
+    assert findings(facts=facts)["floor"].values["height"] == "taken from the depth: camera_height is 0 (not known)"
+    given = findings(facts=replace(facts, no_height=""))["floor"]
+    assert given.values["height"] == f"from {source}"
+
+
+def test_d03_a_floor_that_depth_denies_names_the_parameters_to_check() -> None:
+    facts = replace(FACTS, floor="parameters")
+    words = floor_of(facts=facts, floors=30, floors_not_confirmed=3, last_floor=DOUBTFUL)[1]
+    assert words.endswith("check height and tilt of the camera (camera_height, camera_pitch_deg, camera_roll_deg)")
 
 
 def with_tf(publishers: int) -> NodeFacts:

@@ -7,7 +7,7 @@ from collections import deque
 
 from room_layout_ros.runtime.camera_history import CameraHistory
 from room_layout_ros.runtime.health import Rate, quantile
-from room_layout_ros.runtime.throttle import Throttle
+from room_layout_ros.runtime.throttle import Lasting, Throttle
 
 S = 1_000_000_000
 
@@ -79,3 +79,17 @@ def test_the_throttle_is_bounded() -> None:
     for i in range(10_000):
         throttle.due(str(i))
     assert len(throttle._last) <= 256
+
+
+def test_what_has_to_last_is_said_once_it_has_and_no_longer_than_it_does() -> None:
+    now = [0.0]
+    lasting = Lasting(lambda: now[0])
+    lasting.note({"a": "one"})
+    now[0] = 3.0
+    lasting.note({"a": "one", "b": "two"})
+    now[0] = 5.0
+    assert lasting.after(4.0) == {"a": "one"}
+    lasting.note({"a": "another", "b": "two"})
+    assert lasting.after(2.0) == {"b": "two"}, "another sentence has to last anew"
+    lasting.note({})
+    assert lasting.after(0.0) == {}

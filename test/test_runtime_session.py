@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from room_frames import CAMERA, room_frame
 
 from room_layout_ros.core.estimate import RoomEstimate, Status
+from room_layout_ros.core.floor_plane import FloorPlane
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.tracking import TemporalPrior
@@ -52,7 +52,8 @@ class Stages:
         self.broken: dict[str, Exception] = {}
         self.status = Status.OK
         self.frame_id = "camera"
-        self.down: NDArray[np.float64] | None = None
+        self.floor: FloorPlane | None = None
+        self.floors: list[FloorPlane | None] = []
         self.settings: list[Any] = []
         self.gate = threading.Event()
         self.gate.set()
@@ -76,8 +77,9 @@ class Stages:
             raise RefusedError("no camera_info", "none has come")
         return RgbdFrame(CAMERA, FRAME.color, FRAME.depth_m, pair.stamp_ns, self.frame_id)
 
-    def gravity(self, frame: RgbdFrame, settings: Any) -> NDArray[np.float64] | None:
-        return self.down
+    def expect_floor(self, frame: RgbdFrame, settings: Any) -> FloorPlane | None:
+        self.calls.append("expect_floor")
+        return self.floor
 
     def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None, settings: Any) -> RoomEstimate:
         self.gate.wait(5.0)
@@ -85,7 +87,8 @@ class Stages:
         self.priors.append(prior)
         return room(frame, self.status)
 
-    def publish(self, frame: RgbdFrame, estimate: RoomEstimate, settings: Any) -> None:
+    def publish(self, frame: RgbdFrame, estimate: RoomEstimate, floor: FloorPlane | None, settings: Any) -> None:
+        self.floors.append(floor)
         self.settings.append(settings)
         self.door.wait(5.0)
         self.step("publish")
@@ -279,8 +282,8 @@ def test_warm_start_off_means_no_prior_at_all(stages: Stages) -> None:
     assert session.close(5.0)
 
 
-def test_gravity_reaches_the_estimator_with_and_without_warm_start(stages: Stages) -> None:
-    stages.down = np.array([0.0, 1.0, 0.1])
+def test_gravity_and_the_floor_of_a_result_are_those_of_one_answer(stages: Stages) -> None:
+    stages.floor = FloorPlane(np.array([0.0, 1.0, 0.0]), 1.2, "tf")
     for warm in (True, False):
         session = EstimatorSession(stages, SessionRules(warm_start=warm))
         session.add_camera(CAMERA_STREAM, 0, "camera")
@@ -290,8 +293,25 @@ def test_gravity_reaches_the_estimator_with_and_without_warm_start(stages: Stage
         assert session.close(5.0)
         for prior, axes in zip(stages.priors[-2:], (False, warm), strict=True):
             assert prior is not None
-            assert prior.gravity is stages.down
+            assert prior.gravity is stages.floor.normal
             assert (prior.R_room_camera is not None) == axes
+    assert stages.calls.count("expect_floor") == 4, "once a frame"
+    assert stages.floors == [stages.floor] * 4
+
+
+@pytest.mark.parametrize("passed", (True, False), ids=("pause", "jump"))
+def test_f09_a_pause_of_the_camera_is_no_jump_but_ends_the_warm_start(stages: Stages, passed: bool) -> None:
+    clock = [10**9]
+    session = EstimatorSession(stages, SessionRules(), lambda: clock[0])
+    session.add_camera(CAMERA_STREAM, 0, "camera")
+    for i in (0, 1, 201, 202):  # 6.6 s between the second and the third
+        clock[0] = 10**9 + (i if passed else min(i, 2)) * 33 * MS
+        send(session, i)
+        settled(session)
+    assert session.close(5.0)
+    assert [prior is not None for prior in stages.priors] == [False, True, False, True]
+    assert session.health().resets == (0 if passed else 1)
+    assert stages.complaints["jump of the clock"] == (0 if passed else 1)
 
 
 def test_f14_a_change_of_frame_id_ends_the_prior_and_is_told(session: EstimatorSession, stages: Stages) -> None:

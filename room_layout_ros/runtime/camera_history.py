@@ -30,6 +30,11 @@ class CameraHistory(Generic[Camera]):
         for start_ns, camera in reversed(self._cameras):
             if start_ns <= stamp_ns:
                 return camera
+        return self.newest
+
+    @property
+    def newest(self) -> Camera | None:
+        """The camera that came last; None before the first."""
         return self._cameras[-1][1] if self._cameras else None
 
     def reset(self) -> None:

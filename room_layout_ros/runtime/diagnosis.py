@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from math import isnan
+from typing import NamedTuple
 
-from .health import Health, StreamHealth
+from .health import NO_LEVEL_FLOOR, Health, StreamHealth
 from .pairing import COLOR, DEPTH
 from .session import CAMERA, CAMERAS, DEPTH_CAMERA, IMU
 
@@ -36,6 +37,10 @@ class InputFacts:
     """Name of the policy that keeps a publisher from us, or ""."""
     extrinsics: str = ""
     """Where the pose of the camera that this image is registered to comes from, or "" where it is not registered."""
+    bent: str = ""
+    """Why a camera's images may not be rectified, which the log has said; "" where they are."""
+    foreign: str = ""
+    """Why a camera may not be that of the images; "" where it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +80,17 @@ class Finding:
     values: Mapping[str, str] = field(default_factory=dict)
     logged: bool = False
     """True where the log has said it already, when it happened."""
+    kind: str = ""
+    """What is wrong, without the numbers that change while it lasts; "" where nothing is."""
+
+
+class _Said(NamedTuple):
+    """The part of a finding that is decided first; the fields are those of `Finding`."""
+
+    level: Level
+    message: str
+    kind: str = ""
+    logged: bool = False
 
 
 def diagnose(health: Health, before: Health, facts: NodeFacts) -> list[Finding]:
@@ -84,8 +100,7 @@ def diagnose(health: Health, before: Health, facts: NodeFacts) -> list[Finding]:
 
 
 def _input(stream: str, now: StreamHealth, before: StreamHealth, facts: NodeFacts) -> Finding:
-    level, message = (_imu_state if stream == IMU else _input_state)(stream, now, before, facts)
-    logged = "messages refused" in message
+    said = (_imu_state if stream == IMU else _input_state)(stream, now, before, facts)
     values = {
         "topic": facts.inputs[stream].topic,
         "publishers": str(facts.inputs[stream].publishers),
@@ -100,48 +115,62 @@ def _input(stream: str, now: StreamHealth, before: StreamHealth, facts: NodeFact
     }
     if facts.inputs[stream].extrinsics:
         values["extrinsics"] = facts.inputs[stream].extrinsics
-    return Finding(f"input {NAMES[stream]}", level, message, values, logged)
+    return Finding(f"input {NAMES[stream]}", said.level, said.message, values, said.logged, said.kind)
 
 
-def _input_state(stream: str, now: StreamHealth, before: StreamHealth, facts: NodeFacts) -> tuple[Level, str]:
+def _input_state(stream: str, now: StreamHealth, before: StreamHealth, facts: NodeFacts) -> _Said:
     name, graph = NAMES[stream], facts.inputs[stream]
     if not graph.wanted:
-        return Level.OK, f"{name} is not used (parameter)"
+        doubt = _camera_doubt(graph) if facts.state == "running" else None
+        return doubt or _Said(Level.OK, f"{name} is not used (parameter)")
     if facts.state != "running":
-        return Level.OK, facts.state
+        return _Said(Level.OK, facts.state)
     if graph.qos_clash:
-        return Level.ERROR, f"no {name}: a publisher of {graph.topic} has another QoS policy {graph.qos_clash}"
+        words = f"no {name}: a publisher of {graph.topic} has another QoS policy {graph.qos_clash}"
+        return _Said(Level.ERROR, words, f"QoS {graph.qos_clash}")
     refused = sum(now.refused.values()) - sum(before.refused.values())
     if refused and now.last_refusal and now.refused_s > facts.no_data_timeout_s:
-        return Level.ERROR, f"every {name} message is refused for {now.refused_s:.0f} s now: {now.last_refusal}"
+        words = f"every {name} message is refused for {now.refused_s:.0f} s now: {now.last_refusal}"
+        return _Said(Level.ERROR, words, "every message refused")
     if refused and now.last_refusal:
-        return Level.ERROR, f"{refused} of {now.received - before.received} messages refused: {now.last_refusal}"
+        words = f"{refused} of {now.received - before.received} messages refused: {now.last_refusal}"
+        return _Said(Level.ERROR, words, "messages refused", logged=True)
     silence = min(now.silence_s, facts.listening_s)
     if silence > facts.no_data_timeout_s and not (stream in CAMERAS and now.paired):
         seen = "nobody publishes it" if graph.publishers == 0 else f"{graph.publishers} publisher(s) seen"
-        return Level.ERROR, f"no {name} for {silence:.0f} s on {graph.topic}; {seen}"
+        return _Said(Level.ERROR, f"no {name} for {silence:.0f} s on {graph.topic}; {seen}", f"silence, {seen}")
+    doubt = _camera_doubt(graph)
+    if doubt:
+        return doubt
     if now.lost > before.lost:
-        return Level.WARN, (
+        words = (
             f"{now.lost - before.lost} {name} messages lost on the way; start the publisher with "
             f"FASTRTPS_DEFAULT_PROFILES_FILE={facts.profile} (larger shared memory), or this machine is too busy"
         )
+        return _Said(Level.WARN, words, "messages lost")
     if graph.publishers > 1:
-        return Level.WARN, f"{graph.publishers} publishers on {graph.topic}; there should be one"
-    return Level.OK, f"{name} at {now.rate_hz:.1f} Hz"
+        words = f"{graph.publishers} publishers on {graph.topic}; there should be one"
+        return _Said(Level.WARN, words, "publishers")
+    return _Said(Level.OK, f"{name} at {now.rate_hz:.1f} Hz")
 
 
-def _imu_state(stream: str, now: StreamHealth, before: StreamHealth, facts: NodeFacts) -> tuple[Level, str]:
+def _camera_doubt(graph: InputFacts) -> _Said | None:
+    """Return what is odd about a camera whose images are used all the same."""
+    words = "; ".join(text for text in (graph.foreign, graph.bent) if text)
+    return _Said(Level.WARN, words, words, logged=not graph.foreign) if words else None
+
+
+def _imu_state(stream: str, now: StreamHealth, before: StreamHealth, facts: NodeFacts) -> _Said:
     """Return the state of an input that the node can do without; a reading refused now and then is no fault."""
-    level, message = _input_state(stream, replace(now, last_refusal=""), before, facts)
+    said = _input_state(stream, replace(now, last_refusal=""), before, facts)
     came, used = now.received - before.received, now.paired - before.paired
     if facts.state == "running" and came and not used:
-        return Level.WARN, f"no imu reading can be used: {now.last_refusal}"
-    return min(level, Level.WARN), message
+        return _Said(Level.WARN, f"no imu reading can be used: {now.last_refusal}", "no imu reading can be used")
+    return said._replace(level=min(said.level, Level.WARN))
 
 
 def _estimates(health: Health, before: Health, facts: NodeFacts) -> Finding:
-    level, message = _estimates_state(health, before, facts)
-    logged = "frames dropped" in message
+    said = _estimates_state(health, before, facts)
     values = {
         "rate_hz": f"{health.rate_hz:.1f}",
         "pairs": str(health.made),
@@ -156,7 +185,7 @@ def _estimates(health: Health, before: Health, facts: NodeFacts) -> Finding:
         **_ages(health),
         **{f"stage_ms: {stage}": f"{ms:.2f}" for stage, ms in health.stages_ms.items()},
     }
-    return Finding("estimates", level, message, values, logged)
+    return Finding("estimates", said.level, said.message, values, said.logged, said.kind)
 
 
 def _ages(health: Health) -> dict[str, str]:
@@ -169,30 +198,34 @@ _METRIC = {None: "", True: "yes", False: "no (front wall is 1)"}
 _HARMLESS = ("newer frame", "reset", "shutdown")
 
 
-def _estimates_state(health: Health, before: Health, facts: NodeFacts) -> tuple[Level, str]:
+def _estimates_state(health: Health, before: Health, facts: NodeFacts) -> _Said:
     if facts.state != "running":
-        return Level.OK, facts.state
+        return _Said(Level.OK, facts.state)
     bad = {r: n - before.dropped.get(r, 0) for r, n in health.dropped.items() if r not in _HARMLESS}
     if any(bad.values()):
-        return Level.ERROR, f"{sum(bad.values())} frames dropped: {health.last_drop}"
+        words = f"{sum(bad.values())} frames dropped: {health.last_drop}"
+        return _Said(Level.ERROR, words, "frames dropped", logged=True)
     doubt = _depth_doubt(health, facts) if health.scales > before.scales else ""
     if doubt:
-        return Level.WARN, doubt
+        return _Said(Level.WARN, doubt, "depth unit")
     published = health.published - before.published
     empty = {s: n - before.no_estimate.get(s, 0) for s, n in health.no_estimate.items()}
     if any(empty.values()):
         status = max(empty, key=lambda s: empty[s])
-        return Level.WARN, f"{sum(empty.values())} frames without an estimate ({status}), {published} with"
+        words = f"{sum(empty.values())} frames without an estimate ({status}), {published} with"
+        return _Said(Level.WARN, words, f"no estimate: {status}")
     if published and health.frame_id == "":
-        return Level.WARN, "images have an empty frame_id; TF and RViz cannot place the results: let the driver set it"
+        words = "images have an empty frame_id; TF and RViz cannot place the results: let the driver set it"
+        return _Said(Level.WARN, words, "empty frame_id")
     if published:
-        return Level.OK, f"{health.rate_hz:.1f} estimates per second, {health.latency_p50_ms:.0f} ms each"
+        return _Said(Level.OK, f"{health.rate_hz:.1f} estimates per second, {health.latency_p50_ms:.0f} ms each")
     if _is_apart(health, facts):
-        return Level.ERROR, (
+        words = (
             f"colour and depth arrive but do not pair; their stamps must differ by at most max_stamp_gap = "
             f"{facts.max_stamp_gap_s * 1e3:.0f} ms"
         )
-    return Level.OK, "waiting for frames"
+        return _Said(Level.ERROR, words, "no pairs")
+    return _Said(Level.OK, "waiting for frames")
 
 
 _HIGHEST_M, _LOWEST_M, _FARTHEST_M = 3.5, 0.15, 12.0
@@ -228,9 +261,10 @@ def _is_apart(health: Health, facts: NodeFacts) -> bool:
 
 
 def _floor(health: Health, before: Health, facts: NodeFacts) -> Finding:
-    level, message = _floor_state(health, before, facts)
+    said = _floor_state(health, before, facts)
     values = {
         "expected": facts.floor,
+        "height": _height(facts),
         "source": health.last_floor.source if health.last_floor else "",
         "frame": health.last_floor.frame if health.last_floor else "",
         "frames": str(health.floors),
@@ -238,33 +272,41 @@ def _floor(health: Health, before: Health, facts: NodeFacts) -> Finding:
         "not confirmed": str(health.floors_not_confirmed),
         "transforms": facts.transforms,
     }
-    return Finding("floor", level, message, values)
+    return Finding("floor", said.level, said.message, values, said.logged, said.kind)
 
 
-def _floor_state(health: Health, before: Health, facts: NodeFacts) -> tuple[Level, str]:
+def _height(facts: NodeFacts) -> str:
+    """Say where the height of the camera over the floor comes from."""
+    if facts.floor in _GIVES_HEIGHT and not facts.no_height:
+        return f"from {facts.floor}"
+    return f"taken from the depth: {facts.no_height}" if facts.no_height else "taken from the depth"
+
+
+def _floor_state(health: Health, before: Health, facts: NodeFacts) -> _Said:
     if facts.state != "running":
-        return Level.OK, facts.state
-    wrong = _floor_fault(health, before, facts)
+        return _Said(Level.OK, facts.state)
+    wrong, kind = _floor_fault(health, before, facts)
     if facts.floor_missing and facts.pose_source != "auto":
         source = f"pose_source is {facts.pose_source}, but {facts.floor_missing}; the floor that is seen decides"
-        wrong = f"{wrong}; {source}" if wrong else source
+        wrong, kind = (f"{wrong}; {source}" if wrong else source), f"{kind}; {facts.floor_missing}"
     if wrong:
-        return Level.WARN, wrong
+        return _Said(Level.WARN, wrong, kind)
     if facts.floor_missing and facts.tf_publishers:
-        return Level.OK, (
+        return _Said(
+            Level.OK,
             f"TF is there, but {facts.floor_missing}; the floor is taken from the picture alone: "
-            "set robot_frame to the frame of the robot that lies on the floor, z up"
+            "set robot_frame to the frame of the robot that lies on the floor, z up",
         )
     if health.last_floor is not None and health.floors > before.floors:
-        taken = f"; its height is taken from the depth: {facts.no_height}" if facts.no_height else ""
-        return Level.OK, f"floor from {health.last_floor.source}{taken}"
+        taken = f"; its height is {_height(facts)}" if facts.no_height else ""
+        return _Said(Level.OK, f"floor from {health.last_floor.source}{taken}")
     if health.published > before.published:
-        return Level.OK, "nobody listens to an output that needs a floor"
-    return Level.OK, "waiting for frames"
+        return _Said(Level.OK, "nobody listens to an output that needs a floor")
+    return _Said(Level.OK, "waiting for frames")
 
 
-def _floor_fault(health: Health, before: Health, facts: NodeFacts) -> str:
-    """Return what is wrong with the floors since the last call, "" where nothing is."""
+def _floor_fault(health: Health, before: Health, facts: NodeFacts) -> tuple[str, str]:
+    """Return what is wrong with the floors since the last call, in a sentence and by its kind; "" where nothing is."""
     asked, doubtful = health.floors - before.floors, health.floors_not_confirmed - before.floors_not_confirmed
     missing = {reason: n - before.no_floor.get(reason, 0) for reason, n in health.no_floor.items()}
     last = health.last_floor
@@ -272,13 +314,31 @@ def _floor_fault(health: Health, before: Health, facts: NodeFacts) -> str:
         asked, doubtful, missing = 1, int(not last.confirmed), {last.missing: int(bool(last.missing))}
     if any(missing.values()):
         reason = max(missing, key=lambda r: missing[r])
-        return f"no floor ({reason}) for {sum(missing.values())} of {asked} frames; outputs that need one send nothing"
+        cure = f"; {_level_cure(facts)}" if reason == NO_LEVEL_FLOOR else ""
+        return (
+            f"no floor ({reason}) for {sum(missing.values())} of {asked} frames; "
+            f"outputs that need one send nothing{cure}"
+        ), f"no floor: {reason}"
     if doubtful:
         return (
             f"depth does not confirm the floor where {facts.floor} expects it for {doubtful} of {asked} frames; "
-            "check height and tilt of the camera"
-        )
-    return ""
+            f"check height and tilt of the camera{_POSE_PARAMETERS.get(facts.floor, '')}"
+        ), "floor not confirmed"
+    return "", ""
+
+
+_POSE_PARAMETERS = {
+    "parameters": " (camera_height, camera_pitch_deg, camera_roll_deg)",
+    "imu": " (camera_height, imu_to_camera)",
+    "tf": " (robot_frame in TF)",
+}
+"""What a user would set, by where the floor is expected from."""
+
+
+def _level_cure(facts: NodeFacts) -> str:
+    """Return what may be wrong where a source gives the tilt alone and nothing lies level below the camera."""
+    where = _POSE_PARAMETERS.get(facts.floor, "").replace("camera_height, ", "")
+    return f"is the tilt that {facts.floor} gives right{where}? If no floor is in view, give the camera's height too"
 
 
 def _floor_lasts(health: Health, before: Health, facts: NodeFacts) -> bool:

@@ -40,6 +40,8 @@ class StreamHealth:
 
 NO_DEPTH, NOT_USED, NO_FLOOR = "too little depth", "use_depth is false", "none in view for sure, none given"
 """Why a frame has no floor."""
+NO_LEVEL_FLOOR = "nothing level below the camera"
+"""The same where the tilt of the camera is given and its height is not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +52,7 @@ class FloorOutcome:
     ----------
     source : of the plane, "+depth" behind it where depth refined it; "" without a floor.
     missing : why there was none; "" with a floor.
-    confirmed : False where floor was in view and depth does not lie where the source says.
+    confirmed : False where depth shows that the floor does not lie where the source says.
     frame : name of the frame on the floor, of the outputs that lie there.
     """
 

@@ -1,8 +1,8 @@
 """Colour and depth of one moment, out of two streams that are late, lossy, reordered, looped or wrong.
 
-Knows neither ROS nor the wall clock: stamps come in with the messages. Bounded; every message ends as exactly one
-of paired, superseded or refused(reason), so that received = paired + superseded + refused + waiting at any time.
-(message_filters stalls for good after an exception in a callback or one stamp far in the future, and evicts the
+Knows neither ROS nor a clock: stamps and times of arrival come in with the messages. Bounded; every message ends as
+exactly one of paired, superseded or refused(reason), so that received = paired + superseded + refused + waiting at any
+time. (message_filters stalls for good after an exception in a callback or one stamp far in the future, and evicts the
 smallest stamp instead of the oldest message; hence this.)
 """
 
@@ -27,8 +27,9 @@ STAMP_FAULTS = {
 }
 """What is wrong with the stamp of a message that is refused for it, by the reason it is counted under."""
 
-_FORWARD_JUMPS = 10
-"""A gap of this many `reset_gap`s between pairs is a jump of the clock or a new scene: start afresh."""
+FORWARD_JUMPS = 10
+"""A gap of this many `reset_gap`s between the stamps of pairs is a jump of the clock: start afresh. Where as much time
+has passed, it is a camera that was silent."""
 _RUN_TO_TRUST = 3
 """After as many pairs without an exact one the streams are not stamped alike: stop waiting for equal stamps."""
 _RUN_TO_RESTART = 5
@@ -111,7 +112,8 @@ class StreamPairing(Generic[Item]):
     """Pairs two streams by stamp: equal stamps first, then the nearest within `max_gap_ns`.
 
     Stamps of the pairs rise; a pair that steps back by more than `reset_gap_ns` (a bag that loops), by less after a run
-    of old messages in order (a shorter bag), or far forward is marked `reset`. Not thread-safe: a lock is the caller's.
+    of old messages in order (a shorter bag), or further forward than time
+    has passed is marked `reset`. Not thread-safe: a lock is the caller's.
     """
 
     def __init__(self, rules: PairingRules) -> None:
@@ -119,6 +121,7 @@ class StreamPairing(Generic[Item]):
         self._queues: dict[str, dict[int, Item]] = {COLOR: {}, DEPTH: {}}
         self._newest = {COLOR: 0, DEPTH: 0}
         self._emitted: dict[str, int | None] = {COLOR: None, DEPTH: None}
+        self._emitted_at = 0
         self._passed: dict[str, int | None] = {COLOR: None, DEPTH: None}  # as _emitted; None after a restart
         self._old = {COLOR: _OldRun(), DEPTH: _OldRun()}
         self._run_without_exact = 0
@@ -155,8 +158,8 @@ class StreamPairing(Generic[Item]):
         self.counts[stream].received += 1
         self.counts[stream].refused[reason] += 1
 
-    def add(self, stream: str, stamp_ns: int, item: Item) -> Pair[Item] | None:
-        """Take one message; return the pair that it completes, if any."""
+    def add(self, stream: str, stamp_ns: int, item: Item, now_ns: int = 0) -> Pair[Item] | None:
+        """Take one message, which came at `now_ns` (of any clock that is steady); return the pair that it completes."""
         fault = self._stamp_fault(stream, stamp_ns)
         if fault in (DUPLICATE, LATE) and self._starts_anew(stream, stamp_ns):
             fault = ""
@@ -168,7 +171,7 @@ class StreamPairing(Generic[Item]):
         self._take_turn(stream)
         self._queues[stream][stamp_ns] = item
         self._newest[stream] = stamp_ns
-        pair = self._complete(stream, stamp_ns)
+        pair = self._complete(stream, stamp_ns, now_ns)
         if pair is not None:
             self.turns_apart = 0
         self._evict(stream)
@@ -202,17 +205,17 @@ class StreamPairing(Generic[Item]):
         self._passed[stream] = None
         return True
 
-    def _complete(self, stream: str, stamp_ns: int) -> Pair[Item] | None:
+    def _complete(self, stream: str, stamp_ns: int, now_ns: int) -> Pair[Item] | None:
         if not (self._rules.use_color and self._rules.use_depth):
-            return self._emit_single(stream, stamp_ns)
+            return self._emit_single(stream, stamp_ns, now_ns)
         if stamp_ns in self._queues[_other(stream)]:
             self._run_without_exact = 0
-            return self._emit(stamp_ns, stamp_ns)
+            return self._emit(stamp_ns, stamp_ns, now_ns)
         candidates = self._near_pairs()
         if not candidates:
             return None
         self._run_without_exact += 1
-        return self._emit(*candidates[-1])
+        return self._emit(*candidates[-1], now_ns)
 
     def _near_pairs(self) -> list[tuple[int, int]]:
         """Return (colour, depth) stamps within the gap, each nearest to the other, in order of time.
@@ -232,10 +235,8 @@ class StreamPairing(Generic[Item]):
                 pairs.append((color, depth))
         return sorted(pairs)
 
-    def _emit(self, color: int, depth: int) -> Pair[Item]:
-        last = self._emitted[DEPTH]
-        back = last is not None and depth <= last
-        forward = last is not None and depth > last + _FORWARD_JUMPS * self._rules.reset_gap_ns
+    def _emit(self, color: int, depth: int, now_ns: int) -> Pair[Item]:
+        back, forward = self._jump(self._emitted[DEPTH], depth, now_ns)
         pair = Pair(depth, self._queues[COLOR].pop(color), self._queues[DEPTH].pop(depth), back or forward)
         for stream, stamp in ((COLOR, color), (DEPTH, depth)):
             self._emitted[stream] = self._passed[stream] = stamp
@@ -243,14 +244,19 @@ class StreamPairing(Generic[Item]):
             self._forget(stream, stamp, back)
         return pair
 
-    def _emit_single(self, stream: str, stamp_ns: int) -> Pair[Item] | None:
+    def _jump(self, last: int | None, stamp_ns: int, now_ns: int) -> tuple[bool, bool]:
+        """Return whether stamps jumped (back, forward) since the last pair; note when this one came."""
+        passed, self._emitted_at = now_ns - self._emitted_at, now_ns
+        if last is None:
+            return False, False
+        return stamp_ns <= last, stamp_ns - last > passed + FORWARD_JUMPS * self._rules.reset_gap_ns
+
+    def _emit_single(self, stream: str, stamp_ns: int, now_ns: int) -> Pair[Item] | None:
         item = self._queues[stream].pop(stamp_ns)
         if stream != (COLOR if self._rules.use_color else DEPTH):
             self.counts[stream].superseded += 1
             return None
-        last = self._emitted[stream]
-        back = last is not None and stamp_ns <= last
-        forward = last is not None and stamp_ns > last + _FORWARD_JUMPS * self._rules.reset_gap_ns
+        back, forward = self._jump(self._emitted[stream], stamp_ns, now_ns)
         self._emitted[stream] = self._passed[stream] = stamp_ns
         self.counts[stream].paired += 1
         color, depth = (item, None) if stream == COLOR else (None, item)
@@ -275,9 +281,9 @@ class StreamPairing(Generic[Item]):
         while len(queue) > self._rules.queue_size:
             stamp_ns = next(iter(queue))
             del queue[stamp_ns]
-            if other and stamp_ns > other + _FORWARD_JUMPS * self._rules.reset_gap_ns:
+            if other and stamp_ns > other + FORWARD_JUMPS * self._rules.reset_gap_ns:
                 self._refuse_stamp(stream, AHEAD, stamp_ns)
-            elif other and stamp_ns < other - _FORWARD_JUMPS * self._rules.reset_gap_ns:
+            elif other and stamp_ns < other - FORWARD_JUMPS * self._rules.reset_gap_ns:
                 self._refuse_stamp(stream, BEHIND, stamp_ns)
             else:
                 count.superseded += 1

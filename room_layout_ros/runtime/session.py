@@ -8,10 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from room_layout_ros.core.estimate import RoomEstimate
+from room_layout_ros.core.floor_plane import FloorPlane
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 
@@ -19,7 +17,7 @@ from .camera_history import CameraHistory
 from .depth_scale import DepthScale, measure_scale
 from .health import FloorOutcome, Health, PairCount, StreamTimes, stream_snapshot
 from .live_loop import LiveLoop
-from .pairing import COLOR, DEPTH, STAMP_FAULTS, Pair, PairingRules, StreamCount, StreamPairing
+from .pairing import COLOR, DEPTH, FORWARD_JUMPS, STAMP_FAULTS, Pair, PairingRules, StreamCount, StreamPairing
 
 CAMERA, DEPTH_CAMERA = "camera_info", "depth_camera_info"
 CAMERAS = (CAMERA, DEPTH_CAMERA)
@@ -51,16 +49,21 @@ class Stages(Protocol):
     def warm_up(self, settings: Any) -> None:
         """Compile and load everything; called once, before the first frame."""
 
-    def gravity(self, frame: RgbdFrame, settings: Any) -> NDArray[np.float64] | None:
-        """Return the direction of gravity in the camera frame where it is known."""
+    def expect_floor(self, frame: RgbdFrame, settings: Any) -> FloorPlane | None:
+        """Return where the floor is expected in the camera frame, and with it which way is down; None if not known."""
         ...
 
     def estimate(self, frame: RgbdFrame, prior: TemporalPrior | None, settings: Any) -> RoomEstimate:
         """Estimate the room."""
         ...
 
-    def publish(self, frame: RgbdFrame, estimate: RoomEstimate, settings: Any) -> FloorOutcome | None:
-        """Send the results; say what became of the floor, None where nobody wanted it."""
+    def publish(
+        self, frame: RgbdFrame, estimate: RoomEstimate, floor: FloorPlane | None, settings: Any
+    ) -> FloorOutcome | None:
+        """Send the results; say what became of the floor, None where nobody wanted it.
+
+        `floor` is what `expect_floor` said of the frame.
+        """
         ...
 
     def complain(self, cause: str, sentence: str) -> None:
@@ -97,6 +100,7 @@ class _Result:
     job: _Job
     frame: RgbdFrame
     estimate: RoomEstimate
+    floor: FloorPlane | None
     settings: Any
     decode_ms: float
     scale: DepthScale | None
@@ -129,7 +133,7 @@ class EstimatorSession:
         self._times = {stream: StreamTimes() for stream in STREAMS}
         self._epoch = 0
         self._prior: TemporalPrior | None = None
-        self._prior_epoch = 0
+        self._prior_epoch = self._prior_ns = 0
         self._origin: tuple[object, str] | None = None
         self._closed = False
         self._loop: LiveLoop[_Job] = LiveLoop(self._warm_up, self._work, self._dropped)
@@ -152,7 +156,7 @@ class EstimatorSession:
             self._times[stream].all.tick(now)
             self._times[stream].usable.tick(now)
             refused = self._pairing.counts[stream].refused.total()
-            pair = self._pairing.add(stream, stamp_ns, item)
+            pair = self._pairing.add(stream, stamp_ns, item, now)
             if self._pairing.counts[stream].refused.total() > refused:
                 reason, stamp = self._pairing.last_fault[stream]
                 sentence = f"{stream} stamp {stamp * 1e-9:.3f} s {STAMP_FAULTS[reason]}"
@@ -175,6 +179,11 @@ class EstimatorSession:
         with self._lock:
             self._take(stream)
             return self._cameras[stream].add(stamp_ns, camera)
+
+    def newest_camera(self, stream: str) -> Any:
+        """Return the camera of CAMERA or DEPTH_CAMERA that came last; None before the first."""
+        with self._lock:
+            return self._cameras[stream].newest
 
     def set_camera(self, stream: str, camera: object) -> None:
         """Take a camera that came by no message and holds at all times."""
@@ -289,24 +298,27 @@ class EstimatorSession:
             raise RefusedError("bad pair", str(error)) from error
         self._follow_origin(frame)
         decoded = self._clock()
-        warm = self._prior if rules.warm_start and self._prior_epoch == job.epoch else None
-        prior = _with_gravity(warm, self._stages.gravity(frame, rules.settings))
+        # After a pause the room may be another one: axes that a jump of the stamps would forget are not handed on.
+        fresh = frame.stamp_ns - self._prior_ns <= FORWARD_JUMPS * rules.pairing.reset_gap_ns
+        warm = self._prior if rules.warm_start and fresh and self._prior_epoch == job.epoch else None
+        floor = self._stages.expect_floor(frame, rules.settings)
+        prior = _with_gravity(warm, floor)
         estimate = self._stages.estimate(frame, prior, rules.settings)
-        self._prior, self._prior_epoch = next_prior(estimate), job.epoch
+        self._prior, self._prior_epoch, self._prior_ns = next_prior(estimate), job.epoch, frame.stamp_ns
         scale = measure_scale(frame, estimate)
-        return _Result(job, frame, estimate, rules.settings, (decoded - start) * 1e-6, scale)
+        return _Result(job, frame, estimate, floor, rules.settings, (decoded - start) * 1e-6, scale)
 
     def _send(self, result: _Result) -> None:
         """Publish one result, whatever happens."""
-        start, floor = self._clock(), None
+        start, outcome = self._clock(), None
         try:
             if result.estimate.cuboid is not None:
-                floor = self._stages.publish(result.frame, result.estimate, result.settings)
+                outcome = self._stages.publish(result.frame, result.estimate, result.floor, result.settings)
         except Exception as error:  # noqa: BLE001
             self._lose(result.job, error)
         else:
             own_ms = {"decode": result.decode_ms, "outputs": (self._clock() - start) * 1e-6}
-            self._finish(result, {**result.estimate.timings_ms, **own_ms}, floor)
+            self._finish(result, {**result.estimate.timings_ms, **own_ms}, outcome)
 
     def _lose(self, job: _Job, error: Exception) -> None:
         self._dropped(job, "error", f"{type(error).__name__} in the estimator: {error}; this frame is lost")
@@ -344,8 +356,8 @@ class EstimatorSession:
             pairs.stages_ms.append(stages_ms)
 
 
-def _with_gravity(prior: TemporalPrior | None, gravity: NDArray[np.float64] | None) -> TemporalPrior | None:
-    """Return the prior with what is known of gravity; None where nothing is known at all."""
-    if gravity is None:
+def _with_gravity(prior: TemporalPrior | None, floor: FloorPlane | None) -> TemporalPrior | None:
+    """Return the prior with what the expected floor says of gravity; None where nothing is known at all."""
+    if floor is None:
         return prior
-    return replace(prior or TemporalPrior(), gravity=gravity)
+    return replace(prior or TemporalPrior(), gravity=floor.normal)

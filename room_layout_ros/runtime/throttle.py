@@ -1,10 +1,10 @@
-"""At most one line per second and cause in the log."""
+"""At most one line per second and cause in the log; and what has to last before it is said."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 _MAX_CAUSES = 256
 
@@ -29,3 +29,22 @@ class Throttle:
                 self._last.clear()
             self._last[cause] = (now, 0)
             return held
+
+
+class Lasting:
+    """What is found anew with each frame, and since when each of it has been. One thread writes, others may read."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._since: dict[str, tuple[str, float]] = {}
+
+    def note(self, found: Mapping[str, str]) -> None:
+        """Take what was found with a frame: sentences by their cause."""
+        now, before = self._clock(), self._since
+        new = {cause: (sentence, now) for cause, sentence in found.items()}
+        self._since = {c: before[c] if c in before and before[c][0] == new[c][0] else new[c] for c in new}
+
+    def after(self, seconds: float) -> dict[str, str]:
+        """Return the sentences that have been true for so long."""
+        now = self._clock()
+        return {cause: sentence for cause, (sentence, since) in self._since.items() if now - since >= seconds}
