@@ -79,6 +79,15 @@ def test_only_what_hangs_on_the_change_is_compiled_anew(package: Path) -> None:
     assert compiled(package) == {"alone"}
 
 
+@pytest.mark.parametrize("line", ["from . import numbers as n", "from . import (\n    numbers as n,\n)"])
+def test_a_module_that_is_imported_by_its_name_counts_too(package: Path, line: str) -> None:
+    text = CALLEE.replace("from .numbers import STEP", line).replace("+ STEP", "+ n.STEP")
+    (package / "callee.py").write_text(text)
+    assert outer_of_1(package) == 20
+    (package / "numbers.py").write_text("STEP = 4\n")
+    assert outer_of_1(package) == 50
+
+
 @pytest.mark.parametrize("text", ["", "[1]", "{"], ids=["empty", "a list", "cut off"])
 def test_a_broken_stamp_file_means_all_anew(package: Path, text: str) -> None:
     outer_of_1(package)

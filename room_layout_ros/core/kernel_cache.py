@@ -15,7 +15,7 @@ from pathlib import Path
 STAMPS = "kernels.json"
 """In the `__pycache__` of the package: what each file's compiled kernels were made of."""
 
-_IMPORT = re.compile(r"^from (\.+)([\w.]*) import", re.MULTILINE)
+_IMPORT = re.compile(r"^from (\.+)([\w.]*) import (?:\(([^)]*)\)|(.*))", re.MULTILINE)
 
 
 def drop_stale_kernels(package: Path) -> list[Path]:
@@ -68,11 +68,12 @@ def _stamps(package: Path) -> dict[str, str]:
 
 
 def _imported(path: Path, text: str) -> set[Path]:
-    """Return the files that are imported by relative imports of names: `from .module import name`."""
+    """Return the files that relative imports may read: `from .module import name`, where a name may be a module too."""
     found = set()
-    for dots, module in _IMPORT.findall(text):
-        folder = path.parents[len(dots) - 1]
-        found.add(folder.joinpath(*module.split(".")).with_suffix(".py") if module else folder / "__init__.py")
+    for dots, module, in_brackets, in_line in _IMPORT.findall(text):
+        folder = path.parents[len(dots) - 1].joinpath(*module.split(".")) if module else path.parents[len(dots) - 1]
+        found |= {folder.with_suffix(".py"), folder / "__init__.py"}
+        found |= {folder / f"{name.split()[0]}.py" for name in (in_brackets + in_line).split(",") if name.strip()}
     return found
 
 
