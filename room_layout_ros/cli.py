@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import importlib.util
 import os
 import sys
 from collections.abc import Sequence
@@ -28,7 +27,7 @@ COMMANDS = {
     "dashboard": "a page that shows a live node or a bag",
 }
 """Every subcommand and its line in the help; the module is room_layout_ros.commands.NAME and holds
-`add_arguments(parser)` and `run(arguments) -> int`. Names without a module are not offered."""
+`add_arguments(parser)` and `run(arguments) -> int`."""
 
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
@@ -43,18 +42,12 @@ class _Parser(argparse.ArgumentParser):
         self.exit(EXIT_BAD_INPUT, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
-def available_commands() -> dict[str, str]:
-    """Return the subcommands that are installed, with their help lines."""
-    return {name: text for name, text in COMMANDS.items() if importlib.util.find_spec(_module_name(name))}
-
-
 def _module_name(command: str) -> str:
     return f"room_layout_ros.commands.{command}"
 
 
 def _top_parser() -> argparse.ArgumentParser:
-    commands = available_commands()
-    listing = "\n".join(f"  {name:<10} {text}" for name, text in commands.items())
+    listing = "\n".join(f"  {name:<10} {text}" for name, text in COMMANDS.items())
     parser = _Parser(
         prog="room-layout",
         description="Room layout, clutter and free space from RGB-D frames.",
@@ -63,7 +56,7 @@ def _top_parser() -> argparse.ArgumentParser:
         usage="room-layout [-h] [--version] COMMAND ...",
     )
     parser.add_argument("--version", action="version", version=f"room-layout {__version__}")
-    parser.add_argument("command", metavar="COMMAND", choices=list(commands), help=argparse.SUPPRESS)
+    parser.add_argument("command", metavar="COMMAND", choices=list(COMMANDS), help=argparse.SUPPRESS)
     parser.add_argument("rest", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
     return parser
 

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from room_layout_ros.cli import main as room_layout
+from room_layout_ros.commands import calibrate as calibrate_command
 from room_layout_ros.core.confidence import load_confidence
-from room_layout_ros.core.frame import CameraIntrinsics
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.core.models import model_file
 from room_layout_ros.datasets import good_samples
+from room_layout_ros.datasets.images import write_image
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.datasets.writers import FolderWriter
+from room_layout_ros.learning.scene_folds import SceneFolds
 
 COUNT = 36
 CAMERA = CameraIntrinsics(212, 160, 174.0, 174.0, 105.5, 79.5)
@@ -60,3 +66,37 @@ def test_a_source_that_is_no_folder_is_refused(tmp_path: Path, capsys: pytest.Ca
     message = capsys.readouterr().err
     assert "absent does not exist" in message
     assert "Traceback" not in message
+
+
+@pytest.mark.parametrize("damage", ["cut", "another size", "another id"])
+def test_a_layout_that_is_none_is_named_before_anything_is_estimated(
+    rooms: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, damage: str
+) -> None:
+    shutil.copytree(rooms / "layout", tmp_path / "fits" / "layout")
+    file = tmp_path / "fits" / "layout" / "000000.png"
+    if damage == "cut":
+        file.write_bytes(file.read_bytes()[:-20])
+    else:
+        size, face = ((4, 4), 1) if damage == "another size" else ((160, 212), 9)
+        write_image(file, np.full(size, face, np.uint8))
+    monkeypatch.setattr(LayoutEstimator, "estimate", None)
+    assert room_layout(["calibrate", str(rooms), "--fits", str(tmp_path / "fits"), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert str(file) in said
+    assert len(said.strip().splitlines()) == 1
+
+
+def test_each_frame_is_looked_at_by_its_honest_network_and_the_estimator_stays_as_it_is(tmp_path: Path) -> None:
+    asked: list[str] = []
+
+    class Folds(SceneFolds):
+        def look(self, frame: RgbdFrame) -> None:
+            asked.append(frame.name)
+
+    estimator = calibrate_command._HonestEstimator(EstimatorConfig(), Folds(tmp_path))
+    before = estimator.network
+    assert before is not None
+    for sample in good_samples(SyntheticSource(frames=2, seed=5, walk=False, camera=CAMERA)):
+        estimator.estimate(sample.frame)
+    assert asked == ["000000", "000001"]
+    assert estimator.network is before

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +46,7 @@ def images_of(out: Path) -> dict[str, bytes]:
 
 
 def estimates_without_times(out: Path) -> list[dict[str, Any]]:
-    return [{k: v for k, v in line.items() if k != "timings_ms"} for line in lines_of(out)]
+    return [{k: v for k, v in line.items() if k not in ("timings_ms", "milliseconds")} for line in lines_of(out)]
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +98,24 @@ def test_a_line_tells_what_the_estimator_told(walk: Path, result: Path) -> None:
     np.testing.assert_array_equal(layout, estimate.layout)
 
 
+def test_the_milliseconds_of_a_line_are_the_wall_time(walk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stages run beside each other: their sum is no time of a frame."""
+    from room_layout_ros.commands import estimate_frame
+    from room_layout_ros.core.estimator import LayoutEstimator
+
+    sample = next(iter(good_samples(open_source(walk))))
+    estimate = LayoutEstimator().estimate(sample.frame)
+
+    class Slow:
+        def estimate(self, frame: object) -> object:
+            time.sleep(0.02)
+            return replace(estimate, timings_ms=dict.fromkeys(estimate.timings_ms, 1e6))
+
+    monkeypatch.setattr(estimate_frame, "_estimator", lambda config: Slow())
+    line = estimate_frame.estimate_item(estimate_frame.FrameJob(EstimatorConfig()), sample).line
+    assert 20 <= line["milliseconds"] < 1e6
+
+
 def test_a_bag_without_camera_info_is_estimated_with_a_calibration_file(
     walk: Path, result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -141,7 +161,7 @@ def test_the_first_frames_alone_are_estimated_where_that_is_asked(
     assert main(["estimate", str(walk), "--out", str(tmp_path), "--limit", "2"]) == 0
     assert estimates_without_times(tmp_path) == estimates_without_times(result)[:2]
     assert main(["estimate", str(walk), "--out", str(tmp_path), "--limit", "0"]) == 2
-    assert "--limit is 0; it must be 1 or more" in capsys.readouterr().err
+    assert "argument --limit: '0' is given; it must be a whole number, 1 or more" in capsys.readouterr().err
 
 
 def test_a_bound_that_is_not_computed_is_null(walk: Path, result: Path, tmp_path: Path) -> None:

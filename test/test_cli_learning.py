@@ -110,6 +110,7 @@ def test_the_models_are_learned_and_say_where_they_come_from(trained: Path, fram
     for card in (joint.card, load_context(trained / MODELS[0]).card, load_furniture(trained / MODELS[1]).card):
         assert card["date"] == "2013-12-05"
         assert card["command"] == "room-layout train 'my frames'"
+    assert load_context(trained / MODELS[0]).card["frames"] == 8, "--frames is for the forests too"
     assert joint.card["data"] == "rooms"
     assert joint.card["rounds"] == 2
     assert joint.card["context"]["trees"] == 6

@@ -273,6 +273,53 @@ def test_markers_of_no_room_tell_nothing(board: Board) -> None:
     assert board.look()[2].metric is None
 
 
+def test_names_of_another_form_tell_no_unit(board: Board) -> None:
+    """Another node's markers, or a later version's, are no word about metres."""
+    ears = Ears(board, "/estimator")
+    ears.on_overlay(overlay(stamp=1))
+    ears.on_markers(SimpleNamespace(markers=[SimpleNamespace(ns="names", text="wall of 3 m", header=header(1))]))
+    assert board.look()[2].metric is None
+
+
+def test_the_picture_is_that_of_the_numbers_the_page_has(board: Board, server: ThreadingHTTPServer) -> None:
+    board.show(Room("first", overlay=b"first"))
+    number = json.loads(get(server, "state.json"))["number"]
+    board.show(Room("second", overlay=b"second"))
+    assert get(server, f"overlay.jpg?number={number}") == b"first"
+    assert get(server, f"overlay.jpg?number={number + 1}") == get(server, "overlay.jpg") == b"second"
+    for query in ("number=99", "number=x", "number=-1", "number="):
+        status, _ = ask(server, "localhost", path=f"/overlay.jpg?{query}")
+        assert status == (200 if query == "number=" else 404)
+
+
+def test_old_pictures_are_not_kept_for_ever(board: Board) -> None:
+    for number in range(100):
+        board.show(Room(f"{number}", overlay=b"jpeg"))
+    assert sum(bool(board.overlay(number)) for number in range(100)) < 20
+
+
+def test_the_time_of_a_frame_is_its_wall_time_and_of_a_node_only_the_stages_are_known(
+    board: Board, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Stages run beside each other: their sum is no time of a frame."""
+    estimator = LayoutEstimator()
+    (sample,) = good_samples(SyntheticSource(frames=1, seed=4))
+    estimate = estimator.estimate(sample.frame)
+    slow = replace(estimate, timings_ms=dict.fromkeys(estimate.timings_ms, 1e6))
+
+    def wait_a_little(self: LayoutEstimator, *_: object) -> Any:
+        time.sleep(0.02)
+        return slow
+
+    monkeypatch.setattr(LayoutEstimator, "estimate", wait_a_little)
+    show_source(board, SyntheticSource(frames=1, seed=4), end=float("inf"))
+    took = state_of(0, 1, board.look()[2])["milliseconds"]
+    assert 20 <= took < 1e6
+    ears = Ears(board, "/estimator")
+    ears.on_overlay(overlay(stamp=1))
+    assert state_of(0, 1, board.look()[2])["milliseconds"] is None
+
+
 def test_memory_of_the_ears_is_bounded(board: Board) -> None:
     ears = Ears(board, "/estimator")
     for stamp in range(200):

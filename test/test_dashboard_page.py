@@ -281,6 +281,27 @@ def test_at_eight_frames_a_second_the_page_keeps_up_with_the_newest(page: Page, 
     assert page.browser.value("name") == "quick 23"
 
 
+def test_the_table_is_that_of_the_frame_in_the_picture(page: Page, rooms: list[Room]) -> None:
+    page.wait()
+    for name in ("one", "two"):  # charts wait for each other, half a second; the table does not
+        page.board.show(replace(rooms[0], name=name, numbers={"frame": name}))
+        number, _, _ = page.board.look()
+        page.browser.wait_for(f"drawn === {number}")
+        assert page.browser.value("document.getElementById('overlay').src").endswith(f"number={number}")
+        assert page.browser.value("document.getElementById('numbers').rows[0].cells[1].textContent") == name
+
+
+@pytest.mark.parametrize(
+    ("took", "said"), [(42.0, "ms: frame 42.0, sum 60.0"), (None, "ms: sum 60.0")], ids=["frames", "node"]
+)
+def test_the_sum_of_the_stages_is_called_so(page: Page, rooms: list[Room], took: float | None, said: str) -> None:
+    stages = {"joint": 40.0, "lines": 20.0}
+    page.board.show(replace(rooms[0], name=f"took {took}", stages=stages, milliseconds=took))
+    page.wait()
+    title = page.browser.value("document.getElementById('stages')._fullLayout.xaxis.title.text")
+    assert title == f"{said} (stages run beside each other)"
+
+
 def test_nothing_of_all_this_was_an_error(page: Page) -> None:
     page.wait()
     assert page.browser.errors == []

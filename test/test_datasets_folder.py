@@ -9,6 +9,7 @@ import pytest
 from frames_on_disk import assert_same_samples, make_samples, write_folder
 
 from room_layout_ros.commands.evaluate_input import choose_frames
+from room_layout_ros.commands.view import find_frame
 from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.datasets import (
     BadFrame,
@@ -96,19 +97,42 @@ def test_two_folders_that_may_be_the_colour_are_refused_unless_one_is_rgb(folder
 
 
 @pytest.mark.parametrize("wanted", ("7", "0007"))
-def test_a_name_without_its_zeros_is_asked_back(folder: Path, wanted: str) -> None:
+def test_a_name_without_its_zeros_means_the_only_frame_of_that_number(folder: Path, wanted: str) -> None:
     for path in folder.glob("*/frame_007.png"):
         path.rename(path.with_name("007.png"))
     (folder / "stamps.txt").unlink()
     (folder / "poses.txt").unlink()
     source = open_source(folder)
     assert isinstance(source, FramesFolder)
-    with pytest.raises(DataError, match=rf"no frame '{wanted}'; did you mean '007'\?"):
-        source.subset((wanted,))
-    with pytest.raises(DataError, match=r"no frame '8'$"):
-        source.subset(("8",))
-    with pytest.raises(DataError, match=r"nor names of frames; did you mean '007'\?"):
-        choose_frames(source, f"frame_000,{wanted}")
+    chosen = choose_frames(source, f"frame_000,{wanted}")
+    assert isinstance(chosen, FramesFolder)
+    assert chosen.names == ("frame_000", "007")
+    (folder / "list.txt").write_text(f"{wanted} frame_014")
+    chosen = choose_frames(source, str(folder / "list.txt"))
+    assert isinstance(chosen, FramesFolder)
+    assert chosen.names == ("007", "frame_014")
+    assert find_frame(source, wanted).name == "007"
+    with pytest.raises(DataError, match=r"--frames 8: neither one of its lists .* nor names of frames$"):
+        choose_frames(source, "8")
+    for path in folder.glob("*/frame_014.png"):
+        path.rename(path.with_name("07.png"))
+    both = open_source(folder)
+    assert isinstance(both, FramesFolder)
+    if wanted == "7":
+        with pytest.raises(DataError, match="no frame '7'"):
+            find_frame(both, "7")
+    with pytest.raises(DataError, match="nor names of frames"):
+        choose_frames(both, wanted)
+    chosen = choose_frames(both, "007")
+    assert isinstance(chosen, FramesFolder)
+    assert chosen.names == ("007",)
+
+
+@pytest.mark.parametrize("content", ['["0001", "0002"]', "[1", "7", "null"])
+def test_a_splits_file_that_is_no_table_is_one_sentence(folder: Path, content: str) -> None:
+    (folder / "splits.json").write_text(content)
+    with pytest.raises(DataError, match=r"splits\.json is no table of lists; it must be a JSON object"):
+        choose_frames(open_source(folder), "frame_000")
 
 
 @pytest.mark.parametrize(
@@ -160,7 +184,7 @@ def test_a_folder_of_colour_alone_gives_frames_without_depth(folder: Path) -> No
     ("text", "words"),
     [
         (None, "missing"),
-        ("a: [1", "not readable as YAML"),
+        ("a: [1", r"is no YAML; a ROS camera calibration with image_width, .* is needed"),
         ("just words", "no camera calibration"),
         ("image_width: 640\nimage_height: 480\n", "no camera_matrix"),
         ("image_width: 64\nimage_height: 48\ncamera_matrix: {data: [1, 0, 0]}\n", "3 numbers"),

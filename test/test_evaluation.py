@@ -293,6 +293,31 @@ def test_true_layouts_given_as_estimates_score_zero(folder: Path, tmp_path: Path
     assert (scores["layout_error"], scores["labelling_error"], scores["mean_iou"]) == (0, 0, 1)
 
 
+@pytest.mark.parametrize(("told", "time"), [({"milliseconds": 64.0}, 64.0), ({}, None)])
+def test_the_time_of_files_is_what_they_say_and_nothing_else(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], told: dict[str, float], time: float | None
+) -> None:
+    """Neither the sum of stages that run beside each other, nor the time of reading the files."""
+    lines = []
+    for sample in open_folder(folder):
+        assert isinstance(sample, Sample)
+        assert sample.truth is not None
+        assert sample.truth.layout is not None
+        for kind in ("layout", "labels"):
+            (tmp_path / kind).mkdir(exist_ok=True)
+            write_image(tmp_path / kind / f"{sample.name}.png", sample.truth.layout)
+        stages = {"joint": 70.0, "network": 60.0}
+        lines.append(json.dumps({"name": sample.name, "status": "OK", "timings_ms": stages, **told}))
+    (tmp_path / "estimates.jsonl").write_text("\n".join(lines))
+    arguments = ["evaluate", str(folder), "--estimates", str(tmp_path), "--baseline", "none"]
+    assert room_layout([*arguments, "--out", str(tmp_path / "out")]) == 0
+    (scores,) = json.loads((tmp_path / "out" / "summary.json").read_text())["methods"].values()
+    assert scores["milliseconds_median"] == time
+    row = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("ours, "))
+    assert row.split()[-2] == ("-" if time is None else "64.0")
+    assert "nan ms" not in (tmp_path / "out" / "report.html").read_text("utf-8")
+
+
 def test_a_subset_of_splits_json_is_what_is_scored(folder: Path, tmp_path: Path) -> None:
     arguments = ["evaluate", str(folder), "--frames", "first_two", "--baseline", "percentile", "--no-report"]
     assert room_layout([*arguments, "--rgb-only", "--out", str(tmp_path)]) == 0
@@ -312,17 +337,22 @@ def test_a_subset_of_splits_json_is_what_is_scored(folder: Path, tmp_path: Path)
         (["{folder}", "--layouts", "layouts.mat"], "NYU v2 .mat file only"),
         (["{folder}", "--rendered", "3"], "either INPUT or --rendered"),
         ([], "either INPUT or --rendered"),
-        (["--rendered", "0"], "frames is 0"),
+        (["--rendered", "0"], "1 or more"),
         (["--rendered", "2", "--seed", "-1"], "--seed is -1"),
         (["--rendered", "2", "--frames", "first_two"], "needs a frames folder"),
         (["{folder}", "--fits", "{folder}"], "fits.jsonl is missing"),
+        (["{folder}", "--fits", "{fits}"], "holds no accepted fit; at least one is needed"),
+        (["{folder}", "--estimates", "{tmp}", "--rgb-only"], "as it was written; --rgb-only cannot change it"),
+        (["{folder}", "--estimates", "{tmp}", "--set", "max_depth_m=4"], "as it was written; --set cannot change it"),
         (["{folder}", "--set", "superpixel_count=many"], "no int"),
     ),
 )
 def test_bad_input_ends_in_one_sentence_and_exit_code_2(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
 ) -> None:
-    filled = [word.format(folder=folder, tmp=tmp_path) for word in arguments]
+    (tmp_path / "fits").mkdir()
+    (tmp_path / "fits" / "fits.jsonl").write_text('{"name": "000000", "accepted": false}\n')
+    filled = [word.format(folder=folder, tmp=tmp_path, fits=tmp_path / "fits") for word in arguments]
     assert room_layout(["evaluate", *filled]) == 2
     said = capsys.readouterr().err
     assert words in said

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
+import sys
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -12,6 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from room_layout_ros.commands import scene
 from room_layout_ros.core.color import MAX_BORDER_PX
 from room_layout_ros.core.labels import CLUTTER, N_FACES, N_LABELS
 from room_layout_ros.core.models import SCENE_FILE, config_folder, load_scene_network
@@ -189,7 +193,7 @@ def test_random_views_keep_image_and_truth_together(rooms: SceneExamples) -> Non
     assert 2 < mirrored < 22
 
 
-def test_each_frame_is_judged_by_the_fold_that_did_not_see_it(tmp_path: Path) -> None:
+def test_folds_are_written_and_read(tmp_path: Path) -> None:
     folds = number_folds([3, 9, 11, 40, 41, 90], 2)
     write_folds(tmp_path, folds)
     read = read_folds(tmp_path)
@@ -199,6 +203,21 @@ def test_each_frame_is_judged_by_the_fold_that_did_not_see_it(tmp_path: Path) ->
         number_folds([1, 2], 9)
     with pytest.raises(ValueError, match="room-layout scene"):
         read_folds(tmp_path / "absent")
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [("0003", 0), ("0011", 0), ("0040", 1), ("90", 1), ("0002", None), ("0020", None), ("0091", None), ("hall", None)],
+)
+def test_each_frame_is_judged_by_the_fold_that_did_not_see_it(
+    network: SceneNetwork, tmp_path: Path, name: str, file: int | None
+) -> None:
+    """The network of all frames judges those that are in no fold: no network has learned from them."""
+    folds = number_folds([3, 9, 11, 40, 41, 90], 2)
+    for one in (SCENE_FILE, *(fold.file for fold in folds)):
+        save_network(SceneNetwork(network.arrays, {"file": one}), tmp_path / one)
+    honest = SceneFolds(tmp_path, tuple(folds)).network(name)
+    assert honest.card["file"] == (SCENE_FILE if file is None else folds[file].file)
 
 
 def test_errors_are_shares_of_wrong_cells(network: SceneNetwork, rooms: SceneExamples) -> None:
@@ -232,3 +251,33 @@ def test_training_fits_the_rooms_it_is_shown(rooms: SceneExamples) -> None:
     batch = make_batch(rooms, None, np.random.default_rng(0))
     scores = layers.run(np.ascontiguousarray(np.moveaxis(batch.inputs[0], 0, -1)), layers.workspace())
     np.testing.assert_allclose(scores, before[0].values, atol=0.05)  # rounded to half
+
+
+def test_a_network_is_kept_only_where_it_was_learned_from_the_same(
+    network: SceneNetwork, rooms: SceneExamples, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Other fits of the same frames are other examples: the card of counts alone would be equal."""
+    learned = []
+    backbone = tmp_path / "backbone.pth"
+    backbone.write_bytes(b"weights")
+    folder = "room_layout_ros.learning"
+    training = SimpleNamespace(train_scene_model=lambda examples, *_: learned.append(examples))
+    monkeypatch.setitem(sys.modules, f"{folder}.scene_training", training)  # PyTorch is not asked for
+    model = SimpleNamespace(backbone_file=lambda: backbone, export_arrays=lambda _: network.arrays)
+    monkeypatch.setitem(sys.modules, f"{folder}.scene_model", model)
+    arguments = argparse.Namespace(out=tmp_path, input=tmp_path, hold_out=None, backbone=None)
+
+    def train(examples: SceneExamples, strength: float = 0.1) -> int:
+        scene._train(arguments, examples, None, Settings(strength), None)  # type: ignore[arg-type]
+        return len(learned)
+
+    assert [train(rooms), train(rooms)] == [1, 1]
+    assert train(replace(rooms, layout=rooms.layout + 1)) == 2
+    assert [train(rooms, 0.2), train(rooms, 0.2)] == [3, 3]
+    backbone.write_bytes(b"others")
+    assert train(rooms, 0.2) == 4
+
+
+@dataclass(frozen=True)
+class Settings:
+    strength: float

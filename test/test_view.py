@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -23,6 +24,9 @@ from room_layout_ros.evaluation import pictures
 from room_layout_ros.evaluation.stages import STAGES, Look, draw_stage, look_at
 from room_layout_ros.evaluation.top_down import draw_top_down
 
+NEEDS_RERUN = pytest.mark.skipif(
+    importlib.util.find_spec("rerun") is None, reason="rerun-sdk is not installed (extra viz)"
+)
 CAMERA = CameraIntrinsics(160, 120, 130.0, 130.0, 79.5, 59.5)
 
 
@@ -127,7 +131,7 @@ def test_view_writes_all_stages_and_one_stage(folder: Path, tmp_path: Path) -> N
     assert cv2.Laplacian(sheet, cv2.CV_64F).var() > 100  # pictures, not blank paper
 
 
-@pytest.mark.skipif(importlib.util.find_spec("rerun") is None, reason="rerun-sdk is not installed (extra viz)")
+@NEEDS_RERUN
 def test_view_writes_a_recording_for_rerun(folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "room.rrd"
     assert room_layout(["view", str(folder), "--rrd", str(path)]) == 0
@@ -137,11 +141,49 @@ def test_view_writes_a_recording_for_rerun(folder: Path, tmp_path: Path) -> None
         assert entity in content
 
 
+@pytest.fixture
+def two(sample: Sample, tmp_path: Path) -> Path:
+    """Two frames of depth alone."""
+    path = tmp_path / "two"
+    with FolderWriter(path) as writer:
+        for name in ("000000", "000001"):
+            writer.write(Sample(replace(sample.frame, color=None, name=name)))
+    return path
+
+
+VIEWS = [[], pytest.param(["--rrd", "OUT"], marks=NEEDS_RERUN)]
+
+
+@NEEDS_RERUN
+def test_the_viewer_gets_the_named_frame_whatever_the_limit(two: Path, tmp_path: Path) -> None:
+    path = tmp_path / "one.rrd"
+    assert room_layout(["view", str(two), "--frame", "000001", "--limit", "1", "--rrd", str(path)]) == 0
+    assert path.stat().st_size > 0
+
+
+@pytest.mark.parametrize("to", VIEWS)
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    (
+        (["--rgb-only"], "frame 000000 has no colour, and --rgb-only leaves the depth unused"),
+        (["--frame", "000009"], "no frame '000009'"),
+    ),
+)
+def test_picture_and_viewer_refuse_alike(
+    two: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str, to: list[str]
+) -> None:
+    out = [word.replace("OUT", str(tmp_path / "x.rrd")) for word in to]
+    assert room_layout(["view", str(two), *arguments, *out]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "x.rrd").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     (
         (["--frame", "nope"], "no frame 'nope'"),
         (["--out", "picture.txt"], ".png or .jpg"),
+        (["--out", __file__ + "/picture.png"], "test_view.py is a file; --out needs a folder"),
         (["--rrd", "x.rrd", "--limit", "0"], "1 or more"),
     ),
 )

@@ -12,14 +12,13 @@ from pathlib import Path
 
 import cv2
 
-from room_layout_ros.commands.estimate_frame import parse_settings
+from room_layout_ros.commands.counts import count
+from room_layout_ros.commands.estimate_frame import parse_settings, prepared
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
 from room_layout_ros.core.estimator import LayoutEstimator
-from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.datasets import DataError, FrameSource, good_samples
 from room_layout_ros.evaluation.speed import describe_machine, describe_speed, measure_speed
 
-DEFAULT_FRAMES = 20
 RENDERED_SEED = 4
 
 
@@ -29,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "input", type=Path, nargs="?", metavar="INPUT", help="frames folder, rosbag2 or NYU .mat (default: rendered)"
     )
     parser.add_argument(
-        "--frames", type=int, default=DEFAULT_FRAMES, metavar="N", help=f"the first N frames (default {DEFAULT_FRAMES})"
+        "--frames", type=count, default=20, metavar="N", help="the first N frames (default %(default)s)"
     )
     parser.add_argument("--rgb-only", action="store_true", help="leave the depth unused")
     parser.add_argument(
@@ -40,11 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure and print."""
-    if arguments.frames < 1:
-        raise DataError(f"--frames is {arguments.frames}; it must be 1 or more")
     estimator = LayoutEstimator(parse_settings(arguments.set))
     source = _source(arguments)
-    frames = [_frame(sample.frame, arguments.rgb_only) for sample in islice(good_samples(source), arguments.frames)]
+    frames = [prepared(sample.frame, arguments.rgb_only) for sample in islice(good_samples(source), arguments.frames)]
     if not frames:
         raise DataError(f"{source.title} holds no usable frame")
     cv2.setNumThreads(1)  # as the node and `estimate` work
@@ -61,9 +58,3 @@ def _source(arguments: argparse.Namespace) -> FrameSource:
     from room_layout_ros.datasets.synthetic import SyntheticSource
 
     return SyntheticSource(frames=arguments.frames, seed=RENDERED_SEED)
-
-
-def _frame(frame: RgbdFrame, rgb_only: bool) -> RgbdFrame:
-    if rgb_only and frame.color is None:
-        raise DataError(f"frame {frame.name} has no colour, and --rgb-only leaves the depth unused")
-    return frame.without_depth() if rgb_only else frame

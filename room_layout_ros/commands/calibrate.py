@@ -8,19 +8,24 @@ from __future__ import annotations
 
 import argparse
 import sys
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 
 import cv2
-import numpy as np
 
+from room_layout_ros.commands.counts import count
 from room_layout_ros.commands.evaluate import subset_names
+from room_layout_ros.commands.output_folder import make_folder
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.core.confidence import save_confidence
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.core.labels import N_FACES
 from room_layout_ros.core.models import model_file
+from room_layout_ros.core.scene_network import SceneScores
 from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, Sample, open_source
+from room_layout_ros.datasets.images import read_index
 from room_layout_ros.evaluation.confidence_fit import LEAST_FRAMES, JudgedSigns, fit_confidence, judge_signs
 from room_layout_ros.learning.origin import origin
 from room_layout_ros.learning.scene_folds import SceneFolds, read_folds
@@ -32,13 +37,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `calibrate`."""
     parser.add_argument("input", type=Path, metavar="FOLDER", help="frames folder")
     parser.add_argument("--fits", type=Path, required=True, metavar="FITS", help="folder with layout/NAME.png")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the coefficients")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="folder for the coefficients, made if missing"
+    )
     parser.add_argument("--rgb-only", action="store_true", help="for operation without depth")
     parser.add_argument("--scene", type=Path, metavar="DIR", help="output of room-layout scene: honest networks")
     parser.add_argument("--plain", action="store_true", help="for operation without the scene network")
     parser.add_argument("--hold-out", metavar="SUBSET", help="list of splits.json, file or names never to use")
-    parser.add_argument("--frames", type=int, metavar="N", help="use at most so many frames, evenly spread")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="local processes (default 1)")
+    parser.add_argument("--frames", type=count, metavar="N", help="use at most so many frames, evenly spread")
+    parser.add_argument("--jobs", type=count, default=1, metavar="N", help="local processes (default %(default)s)")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -63,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         "held out": arguments.hold_out or "",
         **origin(),
     }
-    arguments.out.mkdir(parents=True, exist_ok=True)
+    make_folder("--out", arguments.out)
     path = arguments.out / model_file("confidence", not arguments.rgb_only, not arguments.plain)
     save_confidence(fit_confidence(judged, card), path)
     print(f"{path} from {len(judged)} frames", file=sys.stderr)
@@ -75,9 +82,26 @@ def _judge(
 ) -> JudgedSigns | None:
     if isinstance(item, BadFrame):
         return None
-    layout = cv2.imread(str(fits / "layout" / f"{item.frame.name}.png"), cv2.IMREAD_UNCHANGED)
-    estimator = LayoutEstimator(config)
-    if networks is not None:
-        estimator.network = networks.network(item.frame.name)
-    estimate = estimator.estimate(item.frame)
-    return None if layout is None else judge_signs(estimate, np.asarray(layout, np.uint8))
+    file, size = fits / "layout" / f"{item.name}.png", (item.frame.camera.height, item.frame.camera.width)
+    layout = read_index(file, N_FACES)
+    if layout.shape != size:
+        raise DataError(f"{file} has shape {layout.shape}; the frame's is {size}")
+    return judge_signs(_estimator(config, networks).estimate(item.frame), layout)
+
+
+@lru_cache(maxsize=1)
+def _estimator(config: EstimatorConfig, networks: SceneFolds | None) -> LayoutEstimator:
+    cv2.setNumThreads(1)
+    return LayoutEstimator(config) if networks is None else _HonestEstimator(config, networks)
+
+
+class _HonestEstimator(LayoutEstimator):
+    """The estimator, looking at each frame with a scene network that has seen neither it nor a neighbour."""
+
+    def __init__(self, config: EstimatorConfig, networks: SceneFolds) -> None:
+        super().__init__(config)
+        self._networks = networks
+
+    def look(self, frame: RgbdFrame) -> SceneScores | None:
+        """Ask the network that is honest about the frame."""
+        return self._networks.look(frame)

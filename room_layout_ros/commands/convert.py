@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_output_arguments(parser: argparse.ArgumentParser, default: str) -> None:
     """Add the options that say what is written."""
     parser.add_argument("--to", choices=("bag", "folder"), help=f"what to write (default: {default})")
-    parser.add_argument("--storage", choices=STORAGES, default="mcap", help="of a bag (default mcap)")
+    parser.add_argument("--storage", choices=STORAGES, default="mcap", help="of a bag (default %(default)s)")
     parser.add_argument(
         "--jpeg", type=int, metavar="QUALITY", help="colour of a folder as JPEG, 1 to 100 (default: PNG)"
     )

@@ -28,10 +28,10 @@ from room_layout_ros.core.picture import draw_overlay
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 from room_layout_ros.datasets import DataError, FrameSource, good_samples
 from room_layout_ros.datasets.images import encode_image
+from room_layout_ros.evaluation.face_text import distance_text
 from room_layout_ros.evaluation.floor_picture import FloorGrid
 from room_layout_ros.listening import listen
 
-DEFAULT_PORT = 8641
 _JPEG_QUALITY = 85
 _LONGEST_WAIT_S = 2.0
 
@@ -39,12 +39,10 @@ _LONGEST_WAIT_S = 2.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `dashboard`."""
     parser.add_argument("input", type=Path, nargs="?", metavar="INPUT", help="default: listen to the running node")
-    parser.add_argument(
-        "--port", type=int, default=DEFAULT_PORT, help=f"of the page, 0 takes a free one ({DEFAULT_PORT})"
-    )
+    parser.add_argument("--port", type=int, default=8641, help="of the page, 0 takes a free one (default %(default)s)")
     parser.add_argument("--loop", action="store_true", help="start again at the end of the input")
     parser.add_argument("--seconds", type=float, metavar="S", help="end after this time (default: Ctrl-C)")
-    parser.add_argument("--node", default="/estimator", metavar="NAME", help="node to listen to (default /estimator)")
+    parser.add_argument("--node", default="/estimator", metavar="NAME", help="node to listen to (default %(default)s)")
     add_topic_arguments(parser)
 
 
@@ -93,9 +91,11 @@ def show_source(board: Board, source: FrameSource, end: float, loop: bool = Fals
                 first_ns = frame.stamp_ns
             due = begun + (frame.stamp_ns - first_ns) * 1e-9
             time.sleep(min(max(0.0, due - time.monotonic()), _LONGEST_WAIT_S))
+            start = time.perf_counter()
             estimate = estimator.estimate(frame, prior)
+            milliseconds = 1e3 * (time.perf_counter() - start)
             prior = next_prior(estimate)
-            board.show(room_of(frame, estimate, estimator.config))
+            board.show(room_of(frame, estimate, estimator.config, milliseconds))
             shown += 1
         if not shown:
             raise DataError(f"{source.title} holds no usable frame")
@@ -103,10 +103,11 @@ def show_source(board: Board, source: FrameSource, end: float, loop: bool = Fals
             return
 
 
-def room_of(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -> Room:
-    """Return what the page shows of a frame and its estimate."""
-    unit = " m" if estimate.metric else ""
-    faces = {LABEL_NAMES[p.face]: f"{p.distance:.2f}{unit}" for p in estimate.polygons}
+def room_of(
+    frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig, milliseconds: float | None = None
+) -> Room:
+    """Return what the page shows of a frame and its estimate; `milliseconds` is the wall time that it took."""
+    faces = {LABEL_NAMES[p.face]: distance_text(p.distance, estimate.metric) for p in estimate.polygons}
     return Room(
         name=frame.name or str(frame.stamp_ns),
         overlay=encode_image(".jpg", draw_overlay(frame, estimate), _JPEG_QUALITY),
@@ -115,6 +116,7 @@ def room_of(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -
         cloud=_cloud_of(frame, estimate),
         numbers={"status": estimate.status.value, "confidence": f"{estimate.confidence:.2f}", **faces},
         stages={stage: round(ms, 2) for stage, ms in estimate.timings_ms.items()},
+        milliseconds=milliseconds,
         metric=estimate.metric,
     )
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from room_layout_ros.core.labels import CLUTTER, FLOOR, LABEL_COLORS, LABEL_NAMES
 from room_layout_ros.datasets.images import encode_image
+from room_layout_ros.evaluation.face_text import says_metres
 from room_layout_ros.evaluation.floor_picture import FloorGrid
 from room_layout_ros.listening import Listener
 from room_layout_ros.runtime.diagnosis import Level
@@ -81,8 +82,9 @@ class Ears:
     def on_markers(self, message: Any) -> None:
         """Take from the names of the faces whether their distances are metres: no other message of a frame tells."""
         names = [marker for marker in message.markers if marker.ns == "names"]
-        if names:
-            self._parts_of(names[0]).metric = all(str(marker.text).endswith(" m") for marker in names)
+        told = {says_metres(str(marker.text)) for marker in names}
+        if len(told) == 1:
+            self._parts_of(names[0]).metric = told.pop()
             self._show(names[0])
 
     def on_overlay(self, message: Any) -> None:

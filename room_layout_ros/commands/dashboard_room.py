@@ -37,7 +37,9 @@ class Room:
     ----------
     name : of the frame. overlay : JPEG bytes, empty where there is none.
     polygons : (face id, corners in metres) of the visible faces. grid, cloud : None where there is none.
-    numbers : shown as they are. stages : milliseconds.
+    numbers : shown as they are.
+    stages : milliseconds of each. milliseconds : wall time of the estimate, less than their sum as stages run beside
+        each other; None where only the stages are known.
     metric : False where the scale is unknown: then one unit is the distance of the front wall. None where nothing told.
     """
 
@@ -48,6 +50,7 @@ class Room:
     cloud: Cloud | None = None
     numbers: Mapping[str, str] = field(default_factory=dict)
     stages: Mapping[str, float] = field(default_factory=dict)
+    milliseconds: float | None = None
     metric: bool | None = None
 
 
@@ -64,6 +67,7 @@ def state_of(number: int, frames: int, room: Room) -> dict[str, Any]:
         "cloud": None if room.cloud is None else _cloud(room.cloud),
         "numbers": dict(room.numbers),
         "stages": dict(room.stages),
+        "milliseconds": room.milliseconds,
     }
 
 

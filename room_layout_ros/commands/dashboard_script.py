@@ -98,11 +98,12 @@ function drawPlan(state) {
 
 function drawStages(state) {
   const names = Object.keys(state.stages), ms = Object.values(state.stages);
-  const total = ms.reduce((sum, v) => sum + v, 0);
+  const sum = ms.reduce((sum, v) => sum + v, 0), took = state.milliseconds;
+  const all = took === null ? `sum ${sum.toFixed(1)}` : `frame ${took.toFixed(1)}, sum ${sum.toFixed(1)}`;
   return Plotly.react("stages", [{type: "bar", orientation: "h", y: names, x: ms, marker: {color: "#6db0ff"},
     text: ms.map(v => v.toFixed(1)), textposition: "auto", hovertemplate: "%{y}: %{x:.2f} ms<extra></extra>"}], dark({
     margin: {l: 8, r: 12, t: 8, b: 42}, bargap: 0.3,
-    xaxis: axis(`ms, together ${total.toFixed(1)}`, {rangemode: "tozero"}),
+    xaxis: axis(`ms: ${all} (stages run beside each other)`, {rangemode: "tozero"}),
     yaxis: axis("", {autorange: "reversed", automargin: true})}), config([]));
 }
 
@@ -139,17 +140,17 @@ function release() {
 // Plotly keeps the new view at the mouseup that comes right after the pointerup.
 for (const end of ["pointerup", "pointercancel"]) addEventListener(end, () => setTimeout(release, 50), true);
 async function draw(state) {
-  if (state.overlay) $("overlay").src = "overlay.jpg?" + state.number;
+  if (state.overlay) $("overlay").src = "overlay.jpg?number=" + state.number;
+  drawNumbers(state);  // of the frame in the picture
   if (held) waiting = state; else await drawRoom(state);
   await drawPlan(state);
 }
-// What a person reads need not change with each frame.
+// Charts need not change with each frame.
 let charted = null, chartedAt = -Infinity;
 async function chart(state) {
   const now = performance.now();
   if (state === charted || now - chartedAt < CHART_MS) return;
   charted = state; chartedAt = now;
-  drawNumbers(state);
   await Promise.all([drawStages(state), drawRate(state)]);
 }
 function tellAge(answered) {

@@ -7,6 +7,7 @@ import re
 import sys
 import threading
 import time
+from collections import OrderedDict
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
@@ -18,6 +19,9 @@ from room_layout_ros.extras import install_hint
 
 from .dashboard_page import dashboard_html
 from .dashboard_room import Room, state_of
+
+_KEPT = 16
+"""Overlays of so many rooms are kept: the page asks for the picture after it has the numbers."""
 
 HOST = "127.0.0.1"
 """No other address: the page shows the inside of somebody's room."""
@@ -41,6 +45,7 @@ class Board:
         self._lock = threading.Lock()
         self._begun = 0.0
         self._newest = self._before = (-1, 0, Room(""))
+        self._overlays: OrderedDict[int, bytes] = OrderedDict()
         self.reason = ""
         """Why there is no room yet, in words; any thread may write it."""
 
@@ -51,12 +56,20 @@ class Board:
             if frames == 0 or room.name != newest.name:
                 self._before, self._begun, frames = self._newest, time.monotonic(), frames + 1
             self._newest = number + 1, frames, room
+            self._overlays[number + 1] = room.overlay
+            while len(self._overlays) > _KEPT:
+                self._overlays.popitem(last=False)
 
     def look(self) -> tuple[int, int, Room]:
         """Return the running number (-1: nothing yet), the count of frames up to this one, and the room."""
         with self._lock:
             settled = time.monotonic() - self._begun >= self._settle_s
             return self._newest if settled else self._before
+
+    def overlay(self, number: int) -> bytes:
+        """Return the overlay of the room with this running number; none where it is no longer kept."""
+        with self._lock:
+            return self._overlays.get(number, b"")
 
 
 def plotly_script() -> bytes:
@@ -130,10 +143,15 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(b"null", "application/json")  # the page has it
         elif url.path == "/state.json":
             self._answer(json.dumps(state_of(number, frames, room)).encode(), "application/json")
-        elif url.path == "/overlay.jpg" and room.overlay:
-            self._answer(room.overlay, "image/jpeg")
+        elif url.path == "/overlay.jpg" and (overlay := self._overlay(url.query, number)):
+            self._answer(overlay, "image/jpeg")
         else:
             self.send_error(404)
+
+    def _overlay(self, query: str, newest: int) -> bytes:
+        """Return the picture of the room that the page has numbers of, else of the newest."""
+        asked = parse_qs(query).get("number", [str(newest)])[0]
+        return self.shown.overlay(int(asked)) if asked.isascii() and asked.isdecimal() and len(asked) < 12 else b""
 
     def _answer(self, content: bytes, kind: str, status: HTTPStatus = HTTPStatus.OK) -> None:
         self.send_response(status)

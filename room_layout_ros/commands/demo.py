@@ -20,6 +20,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from room_layout_ros.commands.counts import count
 from room_layout_ros.commands.demo_offline import run_offline
 from room_layout_ros.commands.demo_page import DemoFacts, demo_html
 from room_layout_ros.commands.demo_pictures import (
@@ -31,6 +32,7 @@ from room_layout_ros.commands.demo_pictures import (
     write_sheets,
 )
 from room_layout_ros.commands.demo_results import Recording, read_recording
+from room_layout_ros.commands.output_folder import make_folder
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
 from room_layout_ros.core.frame import RgbdFrame
@@ -54,9 +56,9 @@ RENDERED_SEED = 4
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `demo`."""
     parser.add_argument("--input", type=Path, metavar="X", help="frames folder or rosbag2 (default: a rendered room)")
-    parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="default out/demo")
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="default %(default)s")
     parser.add_argument(
-        "--frames", type=int, metavar="N", help=f"at most N frames (default all; rendered {RENDERED_FRAMES})"
+        "--frames", type=count, metavar="N", help=f"at most N frames (default all; rendered {RENDERED_FRAMES})"
     )
     parser.add_argument("--seed", type=int, default=RENDERED_SEED, help="of the rendered room")
     parser.add_argument(
@@ -109,8 +111,6 @@ def ros_is_here() -> bool:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    if arguments.frames is not None and arguments.frames < 1:
-        raise DataError(f"--frames is {arguments.frames}; it must be 1 or more")
     if arguments.rate is not None and not 0.01 <= arguments.rate <= 10:
         raise DataError(f"--rate is {arguments.rate}; allowed is 0.01 to 10")
     for module, extra in (("rosbags", "playback"), ("PIL", "viz")):
@@ -127,13 +127,12 @@ def _source(arguments: argparse.Namespace) -> FrameSource:
 
 
 def _make_folder(out: Path) -> None:
-    if out.exists() and not out.is_dir():
-        raise DataError(f"{out} is a file; --out needs a folder")
-    if out.exists() and any(out.iterdir()):
+    make_folder("--out", out)
+    if any(out.iterdir()):
         if not (out / MADE_BY_US).exists():
             raise DataError(f"{out} is not empty and not of an earlier demo; choose another folder by --out")
         shutil.rmtree(out)
-    out.mkdir(parents=True, exist_ok=True)
+        out.mkdir()
     (out / MADE_BY_US).touch()
 
 

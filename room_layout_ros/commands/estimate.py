@@ -22,6 +22,7 @@ from functools import partial
 from itertools import islice
 from pathlib import Path
 
+from room_layout_ros.commands.counts import add_work_arguments, count
 from room_layout_ros.commands.estimate_frame import (
     FrameJob,
     FrameResult,
@@ -30,6 +31,7 @@ from room_layout_ros.commands.estimate_frame import (
     parse_settings,
 )
 from room_layout_ros.commands.interrupts import interrupts_between_items
+from room_layout_ros.commands.output_folder import make_folder
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_recover_argument, add_topic_arguments, open_with_topics
 from room_layout_ros.datasets import DataError
@@ -47,11 +49,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="folder for the results, made if missing"
     )
-    parser.add_argument("--limit", type=int, metavar="N", help="no more than the first N frames")
+    parser.add_argument("--limit", type=count, metavar="N", help="no more than the first N frames")
     parser.add_argument("--rgb-only", action="store_true", help="leave the depth unused")
     parser.add_argument("--overlay", action="store_true", help="write overlay pictures too")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="local processes (default 1)")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler, tcp://host:port, instead of --jobs")
+    add_work_arguments(parser)
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="set a parameter of the estimator (repeatable)"
     )
@@ -61,10 +62,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Estimate every frame of the input."""
-    if arguments.jobs < 1:
-        raise DataError(f"--jobs is {arguments.jobs}; it must be 1 or more")
-    if arguments.limit is not None and arguments.limit < 1:
-        raise DataError(f"--limit is {arguments.limit}; it must be 1 or more")
     config = parse_settings(arguments.set, joint_bound=True)  # nobody waits for the frame: it may be proved, too
     job = FrameJob(config, arguments.rgb_only, arguments.overlay)
     source = open_with_topics(arguments.input, arguments, arguments.recover)
@@ -88,10 +85,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _make_folders(out: Path, kinds: tuple[str, ...]) -> None:
-    if out.exists() and not out.is_dir():
-        raise DataError(f"{out} is a file; --out needs a folder")
     for kind in kinds:
-        (out / kind).mkdir(parents=True, exist_ok=True)
+        make_folder("--out", out / kind)
 
 
 @dataclass(slots=True)

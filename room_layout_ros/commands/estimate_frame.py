@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -83,18 +84,32 @@ def _value(text: str, kind: type) -> object:
         raise ValueError(f"{text!r} is no {kind.__name__}") from None
 
 
+def prepared(frame: RgbdFrame, rgb_only: bool) -> RgbdFrame:
+    """Return the frame as every command estimates it: as it is, or with --rgb-only without its depth.
+
+    Raises
+    ------
+    DataError
+        When it has no colour and shall be without its depth.
+    """
+    if not rgb_only:
+        return frame
+    if frame.color is None:
+        raise DataError(f"frame {frame.name} has no colour, and --rgb-only leaves the depth unused")
+    return frame.without_depth()
+
+
 def estimate_item(job: FrameJob, item: Sample | BadFrame) -> FrameResult:
     """Estimate one item of a source; every failure ends as a line with its error."""
     if isinstance(item, BadFrame):
         return _error_result(item.name, item.error)
     frame = item.frame
     try:
-        if job.rgb_only:
-            if frame.color is None:
-                raise DataError("the frame has no colour, and --rgb-only leaves the depth unused")
-            frame = frame.without_depth()
-        estimate = _estimator(job.config).estimate(frame)
-        return FrameResult(_line(frame.name, estimate), _files(job, frame, estimate))
+        frame = prepared(frame, job.rgb_only)
+        estimator, start = _estimator(job.config), time.perf_counter()
+        estimate = estimator.estimate(frame)
+        milliseconds = 1e3 * (time.perf_counter() - start)
+        return FrameResult(_line(frame.name, estimate, milliseconds), _files(job, frame, estimate))
     except DataError as error:
         return _error_result(frame.name, str(error))
     except Exception as error:  # noqa: BLE001 - a bug at one frame must not lose the others; it is named in its line
@@ -129,7 +144,7 @@ def _files(job: FrameJob, frame: RgbdFrame, estimate: RoomEstimate) -> dict[str,
     return files
 
 
-def _line(name: str, estimate: RoomEstimate) -> dict[str, Any]:
+def _line(name: str, estimate: RoomEstimate, milliseconds: float) -> dict[str, Any]:
     faces = [LABEL_NAMES[face] for face in FACES]
     distances = [math.inf] * len(FACES) if estimate.cuboid is None else estimate.cuboid.distances
     return {
@@ -146,6 +161,7 @@ def _line(name: str, estimate: RoomEstimate) -> dict[str, Any]:
         "energy": _number(estimate.energy),
         "lower_bound": _number(estimate.lower_bound),
         "gap": _number(estimate.gap),
+        "milliseconds": _number(milliseconds, 3),
         "timings_ms": {stage: _number(t, 3) for stage, t in estimate.timings_ms.items()},
     }
 

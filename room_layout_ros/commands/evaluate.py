@@ -18,8 +18,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from room_layout_ros.commands.counts import add_work_arguments
 from room_layout_ros.commands.estimate_frame import parse_settings
 from room_layout_ros.commands.evaluate_input import add_input_arguments, choose_frames, open_input
+from room_layout_ros.commands.output_folder import make_folder
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.models import config_folder
@@ -44,7 +46,9 @@ BASELINES = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `evaluate`."""
     add_input_arguments(parser)
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for summary.json, frames.csv, report.html")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder for summary.json, frames.csv, report.html, made if missing"
+    )
     parser.add_argument("--rgb-only", action="store_true", help="our estimator without depth only")
     parser.add_argument("--estimates", type=Path, metavar="DIR", help="score this output of `room-layout estimate`")
     parser.add_argument(
@@ -53,8 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=[*BASELINES, "none"],
         help="plain solutions beside ours (repeatable; default all)",
     )
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="local processes (default 1)")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler, tcp://host:port, instead of --jobs")
+    add_work_arguments(parser)
     parser.add_argument(
         "--curve",
         type=Path,
@@ -71,7 +74,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Score every frame with truth by every method and print the table."""
     if _wants_report(arguments) and importlib.util.find_spec("matplotlib") is None:
         raise DataError(f"report.html needs matplotlib: {install_hint('viz')}, or give --no-report")
+    if arguments.estimates is not None and (arguments.rgb_only or arguments.set):
+        ignored = "--rgb-only" if arguments.rgb_only else "--set"
+        raise DataError(f"--estimates {arguments.estimates} is scored as it was written; {ignored} cannot change it")
     source, curve = open_input(arguments), _curve(arguments)
+    if arguments.out is not None:
+        make_folder("--out", arguments.out)
     methods, samples = _methods(arguments, source), _Samples(source)
     job = CompareJob(methods, _superpixel_config(arguments), _wants_report(arguments))
     with progress_bar("evaluate", source.length) as progress:
@@ -154,7 +162,6 @@ def _write(
     curve: CCurve | None,
 ) -> list[Path]:
     out: Path = arguments.out
-    out.mkdir(parents=True, exist_ok=True)
     facts = {
         "input": source.title,
         "subset": arguments.frames or "every frame with a true layout",

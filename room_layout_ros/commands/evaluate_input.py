@@ -6,11 +6,12 @@ import argparse
 import json
 from pathlib import Path
 
+from room_layout_ros.commands.counts import count
 from room_layout_ros.core.labels import FACES, N_FACES
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.datasets import DataError, FramesFolder, FrameSource, open_source
-from room_layout_ros.datasets.frame_names import did_you_mean
-from room_layout_ros.datasets.nyu import NyuSource, frame_name, open_nyu
+from room_layout_ros.datasets.frame_names import find_name
+from room_layout_ros.datasets.nyu import NyuSource, open_nyu
 from room_layout_ros.datasets.nyu_truth import read_class_map, read_layouts
 from room_layout_ros.datasets.synthetic import KINDS, NOISES, SyntheticSource
 from room_layout_ros.evaluation.fitted_truth import FittedSource
@@ -42,10 +43,12 @@ def add_input_arguments(parser: argparse.ArgumentParser) -> None:
         help="ids in --layouts of ceiling, floor, left, front, right wall (default 1,2,3,4,5)",
     )
     parser.add_argument("--fits", type=Path, metavar="DIR", help="true rooms from the output of room-layout fit")
-    parser.add_argument("--rendered", type=int, metavar="N", help="N rendered rooms instead of INPUT, with all truth")
-    parser.add_argument("--scene", choices=("random", *KINDS), default="cuboid", help="rendered rooms (default cuboid)")
-    parser.add_argument("--noise", choices=tuple(NOISES), default="kinect", help="their sensor (default kinect)")
-    parser.add_argument("--seed", type=int, default=2013, metavar="N", help="their seed (default 2013)")
+    parser.add_argument("--rendered", type=count, metavar="N", help="N rendered rooms instead of INPUT, with all truth")
+    parser.add_argument(
+        "--scene", choices=("random", *KINDS), default="cuboid", help="rendered rooms (default %(default)s)"
+    )
+    parser.add_argument("--noise", choices=tuple(NOISES), default="kinect", help="their sensor (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=2013, metavar="N", help="their seed (default %(default)s)")
 
 
 def open_input(arguments: argparse.Namespace) -> FrameSource:
@@ -57,6 +60,8 @@ def open_input(arguments: argparse.Namespace) -> FrameSource:
         When it cannot be opened, or options do not go together.
     """
     rooms = {} if arguments.fits is None else read_fits(arguments.fits)
+    if arguments.fits is not None and not rooms:
+        raise DataError(f"--fits {arguments.fits} holds no accepted fit; at least one is needed")
     source = choose_frames(_open(arguments), arguments.frames, rooms)
     return FittedSource(source, rooms) if rooms else source
 
@@ -124,17 +129,13 @@ def choose_frames(source: FrameSource, subset: str | None, rooms: dict[str, Room
 def _names(source: FramesFolder | NyuSource, subset: str) -> tuple[str, ...]:
     splits = _splits(source)
     if subset in splits:
-        # Lists hold the data set's own numbers; frames are named by them with leading zeros.
-        return tuple(frame_name(entry) if isinstance(entry, int) else str(entry) for entry in splits[subset])
+        return tuple(find_name(str(entry), source.names) for entry in splits[subset])
     if (listing := Path(subset)).is_file():
-        return tuple(listing.read_text("utf-8").split())
-    names = tuple(name for name in subset.split(",") if name)
-    if not set(names) <= set(source.names):
-        known, strange = ", ".join(splits) or "none", next(name for name in names if name not in source.names)
-        meant = did_you_mean(strange, source.names)
-        raise DataError(
-            f"--frames {subset}: neither one of its lists ({known}), nor a file, nor names of frames{meant}"
-        )
+        return tuple(find_name(name, source.names) for name in listing.read_text("utf-8").split())
+    names = tuple(find_name(name, source.names) for name in subset.split(",") if name)
+    if not names or not set(names) <= set(source.names):
+        known = ", ".join(splits) or "none"
+        raise DataError(f"--frames {subset}: neither one of its lists ({known}), nor a file, nor names of frames")
     return names
 
 
@@ -142,5 +143,10 @@ def _splits(source: FramesFolder | NyuSource) -> dict[str, tuple[int | str, ...]
     if isinstance(source, NyuSource):
         return dict(source.splits)
     path = source.path / "splits.json"
-    content = json.loads(path.read_text("utf-8")) if path.exists() else {}
+    try:
+        content = json.loads(path.read_text("utf-8")) if path.exists() else {}
+    except ValueError:
+        content = None
+    if not isinstance(content, dict):
+        raise DataError(f"{path} is no table of lists; it must be a JSON object with a list of frames for each name")
     return {name: tuple(entries) for name, entries in content.items() if isinstance(entries, list)}

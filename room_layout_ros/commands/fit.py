@@ -15,6 +15,8 @@ import sys
 from functools import partial
 from pathlib import Path
 
+from room_layout_ros.commands.counts import add_work_arguments
+from room_layout_ros.commands.output_folder import make_folder
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.datasets import DataError, FrameSource, open_source
 from room_layout_ros.datasets.images import write_atomically
@@ -30,24 +32,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--overlay", action="store_true", help="write overlay pictures too")
     parser.add_argument("--min-quality", type=float, default=MIN_QUALITY, metavar="Q", help=_HELP_QUALITY)
     parser.add_argument("--max-cost", type=float, default=MAX_COST, metavar="C", help=_HELP_COST)
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="local processes (default 1)")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler, tcp://host:port, instead of --jobs")
+    add_work_arguments(parser)
 
 
-_HELP_QUALITY = "accept fits with at least this share of structural pixels on a face of their kind (default 0.8)"
-_HELP_COST = "accept fits with at most this mean cost per pixel (default 0.2)"
+_HELP_QUALITY = (
+    "accept fits with this share of structural pixels on a face of their kind, or more (default %(default)s)"
+)
+_HELP_COST = "accept fits with at most this mean cost per pixel (default %(default)s)"
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Fit every frame of the input."""
-    if arguments.jobs < 1:
-        raise DataError(f"--jobs is {arguments.jobs}; it must be 1 or more")
-    if arguments.out.exists() and not arguments.out.is_dir():
-        raise DataError(f"{arguments.out} is a file; --out needs a folder")
     job = FitJob(arguments.min_quality, arguments.max_cost, arguments.overlay)
     source = open_source(arguments.input)
     for kind in ("layout", "rejected", *(["overlay"] if job.overlay else [])):
-        (arguments.out / kind).mkdir(parents=True, exist_ok=True)
+        make_folder("--out", arguments.out / kind)
     lines = []
     with progress_bar("fit", source.length) as progress:
         work = partial(fit_item, job)

@@ -32,18 +32,20 @@ from room_layout_ros.playback import (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `play`."""
     parser.add_argument("input", type=Path, metavar="INPUT", help="rosbag2, frames folder or NYU .mat")
-    parser.add_argument("--rate", type=float, default=1.0, metavar="X", help="times real time (default 1)")
+    parser.add_argument("--rate", type=float, default=1.0, metavar="X", help="times real time (default %(default)s)")
     parser.add_argument("--loop", action="store_true", help="start again at the end, until interrupted")
-    parser.add_argument("--loops", type=int, default=1, metavar="N", help="play N times (default 1)")
+    parser.add_argument("--loops", type=int, default=1, metavar="N", help="play N times (default %(default)s)")
     parser.add_argument("--clock", action="store_true", help="publish /clock (for use_sim_time)")
     parser.add_argument(
         "--wait-for-subscribers",
         type=int,
         default=0,
         metavar="N",
-        help="start when each topic has N subscribers (default 0)",
+        help="start when each topic has N subscribers (default %(default)s)",
     )
-    parser.add_argument("--wait-timeout", type=float, default=60.0, metavar="SECONDS", help="longest wait (default 60)")
+    parser.add_argument(
+        "--wait-timeout", type=float, default=60.0, metavar="SECONDS", help="longest wait (default %(default)s)"
+    )
     parser.add_argument("--topics", nargs="+", metavar="TOPIC", help="only these topics of a bag")
     parser.add_argument("--remap", action="append", default=[], metavar="FROM:=TO", help="rename a topic (repeatable)")
 
@@ -62,6 +64,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise DataError(f"{arguments.input} does not exist; give a rosbag2, a frames folder or an NYU .mat file")
     if is_bag(arguments.input):
         read, total = _of_bag(arguments.input, [resolve(topic) for topic in arguments.topics or ()], options)
+    elif arguments.topics:
+        raise DataError(f"--topics chooses from a bag, and {arguments.input} is none")
     else:
         source = open_source(arguments.input)
         require_topics("--remap", _sources(options), FRAME_TOPICS, f"in {arguments.input}")

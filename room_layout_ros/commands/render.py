@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from room_layout_ros.commands.convert import add_output_arguments, report, write_frames
+from room_layout_ros.commands.counts import count
 from room_layout_ros.datasets import DataError
 from room_layout_ros.datasets.synthetic import KINDS, NOISES, SyntheticSource
 
@@ -14,25 +15,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `render`."""
     parser.add_argument("--out", type=Path, required=True, metavar="PATH", help="folder or bag to make; must not exist")
     parser.add_argument(
-        "--frames", type=int, default=90, metavar="N", help="number of frames, 30 a second (default 90)"
+        "--frames", type=count, default=90, metavar="N", help="number of frames, 30 a second (default %(default)s)"
     )
     parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="the same seed gives the same bytes (default 0)"
+        "--seed", type=int, default=0, metavar="N", help="the same seed gives the same bytes (default %(default)s)"
     )
-    parser.add_argument("--scene", choices=("random", *KINDS), default="cuboid", help="kind of room (default cuboid)")
     parser.add_argument(
-        "--noise", choices=tuple(NOISES), default="kinect", help="what the sensor does (default kinect)"
+        "--scene", choices=("random", *KINDS), default="cuboid", help="kind of room (default %(default)s)"
+    )
+    parser.add_argument(
+        "--noise", choices=tuple(NOISES), default="kinect", help="what the sensor does (default %(default)s)"
     )
     parser.add_argument("--rooms", action="store_true", help="a new room for each frame instead of a walk")
     parser.add_argument(
-        "--furniture", type=float, default=1.0, metavar="X", help="0 empty, 1 lived in, 2 crammed (default 1)"
+        "--furniture", type=float, default=1.0, metavar="X", help="0 empty, 1 lived in, 2 crammed (default %(default)s)"
     )
     parser.add_argument(
         "--wall-clutter",
         type=float,
         default=0.0,
         metavar="SHARE",
-        help="hide this share of every wall, 0 to 0.6 (default 0)",
+        help="hide this share of every wall, 0 to 0.6 (default %(default)s)",
     )
     parser.add_argument("--small-objects", type=int, default=0, metavar="N", help="things of 3 to 10 cm on the floor")
     add_output_arguments(parser, "a folder")

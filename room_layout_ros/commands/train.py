@@ -1,7 +1,7 @@
 """Learn the models of the estimator from a frames folder with depth and NYU40 classes (labels40/).
 
 DIR gets:
-  context_rgbd.npz    classifier of superpixels (geometric context), of all frames
+  context_rgbd.npz    classifier of superpixels (geometric context), of all frames, or of those that --frames leaves
   furniture_rgbd.npz  classifier of clutter superpixels, likewise
   joint_rgbd.npz      weights of the joint energy, by a structured SVM on out-of-fold context
   training.json       settings, progress and cross-validated losses
@@ -20,7 +20,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from room_layout_ros.commands.counts import add_work_arguments, count
 from room_layout_ros.commands.evaluate import subset_names
+from room_layout_ros.commands.output_folder import make_folder
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.layout import RoomCuboid
@@ -58,18 +60,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--scene", type=Path, metavar="DIR", help="output of room-layout scene (default: learn without the network)")
     add("--rgb-only", action="store_true", help="learn the models for use without depth")
     add("--hold-out", metavar="SUBSET", help="list of splits.json, file or names of frames never to learn from")
-    add("--frames", type=int, metavar="N", help="learn from at most so many frames, evenly spread")
-    add("--c", type=float, default=200.0, metavar="C", help="weight of the slack (default 200)")
-    add("--epsilon", type=float, default=0.01, help="end when no constraint is violated by more (default 0.01)")
-    add("--rounds", type=int, default=15, metavar="N", help="passes over the examples, or rounds, at most (default 15)")
-    add("--algorithm", choices=("one-slack", "frank-wolfe"), default="frank-wolfe", help="(default frank-wolfe)")
-    add("--folds", type=int, default=4, help="folds of the out-of-fold context (default 4)")
+    add("--frames", type=count, metavar="N", help="learn from at most so many frames, evenly spread")
+    add("--c", type=float, default=200.0, metavar="C", help="weight of the slack (default %(default)s)")
+    add("--epsilon", type=float, default=0.01, help="end when no constraint is violated by more (default %(default)s)")
+    add(
+        "--rounds",
+        type=count,
+        default=15,
+        metavar="N",
+        help="passes over the examples, or rounds, at most (default %(default)s)",
+    )
+    add("--algorithm", choices=("one-slack", "frank-wolfe"), default="frank-wolfe", help="(default %(default)s)")
+    add("--folds", type=int, default=4, help="folds of the out-of-fold context (default %(default)s)")
     add("--validate", type=int, default=2, metavar="K", help="folds of cross-validation of the weights, 0: none")
     add("--c-curve", type=_numbers, metavar="C,C,...", help="measure how the errors depend on C; no models are written")
     add("--trees", type=int, metavar="N", help="trees of the context classifier (default 120, RGB 150)")
     add("--synthetic", type=int, metavar="N", help="rendered rooms for the context classifier (default 480, RGB 0)")
-    add("--jobs", type=int, default=1, metavar="N", help="local processes (default 1)")
-    add("--scheduler", metavar="ADDRESS", help="Dask scheduler, tcp://host:port, instead of --jobs")
+    add_work_arguments(parser)
 
 
 def _numbers(text: str) -> tuple[float, ...]:
@@ -98,7 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not isinstance(source, FramesFolder):
         raise DataError(f"{source.title} is no frames folder; training needs one with labels40/")
     held_out = subset_names(source, arguments.hold_out)
-    arguments.out.mkdir(parents=True, exist_ok=True)
+    make_folder("--out", arguments.out)
     context = _settings(arguments)
     config = train.TrainConfig(svm=svm, folds=arguments.folds, algorithm=arguments.algorithm, context=context)
     estimator = EstimatorConfig(use_depth=not arguments.rgb_only, scene_network=arguments.scene is not None)
@@ -137,7 +144,7 @@ class _Run:
         facts["cross_validation"] = self.cross_validate(examples)
         result = self.learn(examples, "all", self.config)
         self.write(ModelWeights(result.weights), train.card_of(self.config, result, facts), result)
-        paths = self.classify(rooms, held_out, facts)
+        paths = self.classify({name: rooms[name] for name in names}, held_out, facts)
         print("\n".join(str(path) for path in (*paths, self.path("joint"))))
 
     def examples(self, rooms: dict[str, RoomCuboid]) -> list[ExampleRef]:
@@ -154,13 +161,15 @@ class _Run:
         return self.arguments.out / model_file(kind, self.place.config.use_depth, self.place.networks is not None)
 
     def classify(self, rooms: dict[str, RoomCuboid], held_out: tuple[str, ...], facts: dict[str, Any]) -> list[Path]:
-        """Grow the forests that ship: of all frames, degraded ones and rendered rooms."""
+        """Grow the forests that ship: of the frames, degraded ones and rendered rooms."""
         paths = [self.path("context"), self.path("furniture")]
         numbers = tuple(frame_numbers(held_out))
         about = {key: facts[key] for key in ("data", "command", "date")}
         settings, networks = self.config.context, self.place.networks
+        # Without --frames those that no room was fitted to teach too: structure from clutter
+        source = self.source if self.arguments.frames is None else self.source.subset(tuple(rooms))
         _, table = train_context(
-            self.source, rooms, paths[0], self.place.config, numbers,
+            source, rooms, paths[0], self.place.config, numbers,
             settings=settings, folds=self.arguments.validate, facts=about, progress=_say, networks=networks,
         )  # fmt: skip
         train_furniture(table, paths[1], facts=about)

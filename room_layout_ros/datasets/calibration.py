@@ -13,6 +13,7 @@ from room_layout_ros.core.frame import CameraIntrinsics
 from .errors import DataError
 
 MAX_YAML_BYTES = 65536
+_NEEDED = "a ROS camera calibration with image_width, image_height and camera_matrix is needed"
 _NO_ROTATION = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 _SIZES = {"camera_matrix": 9, "rectification_matrix": 9, "projection_matrix": 12}
 
@@ -84,15 +85,11 @@ def read_calibration(path: Path) -> CameraCalibration:
         fields = yaml.safe_load(text)
     except FileNotFoundError:
         raise DataError(f"{path} is missing; it must hold the ROS camera calibration") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise DataError(f"{path} is not readable as YAML: {_first_line(error)}") from None
+    except (yaml.YAMLError, UnicodeDecodeError):
+        raise DataError(f"{path} is no YAML; {_NEEDED}") from None
     if not isinstance(fields, dict):
-        raise DataError(f"{path} holds no camera calibration; camera_matrix and image_width are needed")
+        raise DataError(f"{path} holds no camera calibration; {_NEEDED}")
     return _calibration(fields, path)
-
-
-def _first_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:120]
 
 
 def _calibration(fields: dict[str, Any], path: Path) -> CameraCalibration:
@@ -101,7 +98,7 @@ def _calibration(fields: dict[str, Any], path: Path) -> CameraCalibration:
         if key in fields:
             lists[key] = _numbers(fields[key], key, path)
     if "camera_matrix" not in lists:
-        raise DataError(f"{path} has no camera_matrix; a ROS camera calibration is needed")
+        raise DataError(f"{path} has no camera_matrix; {_NEEDED}")
     try:
         width, height = int(fields["image_width"]), int(fields["image_height"])
     except (KeyError, TypeError, ValueError):

@@ -15,7 +15,6 @@ from room_layout_ros.core.labels import N_FACES
 
 from .calibration import CameraCalibration, read_calibration
 from .errors import DataError
-from .frame_names import did_you_mean
 from .images import read_color, read_depth, read_index
 from .poses import Pose, read_poses, read_stamps
 from .sample import MAX_NYU40, BadFrame, FrameTruth, Sample
@@ -119,7 +118,7 @@ class FramesFolder:
         """
         known = set(self.names)
         if missing := [name for name in names if name not in known]:
-            raise DataError(f"{self.path} has no frame {missing[0]!r}{did_you_mean(missing[0], self.names)}")
+            raise DataError(f"{self.path} has no frame {missing[0]!r}")
         return replace(self, names=names)
 
     def _image(

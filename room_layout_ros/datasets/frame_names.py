@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection
 
 
-def did_you_mean(wanted: str, names: Iterable[str]) -> str:
-    """Return "; did you mean '0059'?" for a wanted "59" where there is such a name, else nothing."""
-    meant = next((name for name in names if _without_zeros(name) == _without_zeros(wanted)), None)
-    return "" if meant is None else f"; did you mean {meant!r}?"
-
-
-def _without_zeros(name: str) -> str:
-    return name.strip().lstrip("0") or "0"
+def find_name(wanted: str, names: Collection[str]) -> str:
+    """Return the name that is meant: itself, or the only one of the same number, "0059" for "59"; else as it came."""
+    if wanted in names or not wanted.isdecimal():
+        return wanted
+    meant = [name for name in names if name.isdecimal() and int(name) == int(wanted)]
+    return meant[0] if len(meant) == 1 else wanted

@@ -19,7 +19,6 @@ from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 
 from .errors import DataError
 from .folder import default_stamp_ns
-from .frame_names import did_you_mean
 from .mat_fields import open_hdf5
 from .nyu_truth import NyuLayouts
 from .sample import MAX_NYU40, BadFrame, FrameTruth, Sample
@@ -76,7 +75,7 @@ class NyuSource:
         number_of = dict(zip(self.names, self.numbers, strict=True))
         if missing := [name for name in names if name not in number_of]:
             of_them = " with a layout" if self.layouts else ""
-            raise DataError(f"{self.path} has no frame {missing[0]!r}{of_them}{did_you_mean(missing[0], self.names)}")
+            raise DataError(f"{self.path} has no frame {missing[0]!r}{of_them}")
         return replace(self, numbers=tuple(number_of[name] for name in names))
 
     def __iter__(self) -> Iterator[Sample | BadFrame]:

@@ -86,7 +86,7 @@ def compare(job: CompareJob, sample: Sample) -> ComparedFrame:
     for title, method in job.methods.items():
         start = perf_counter()
         prediction = method(sample)
-        if np.isnan(prediction.milliseconds):
+        if prediction.milliseconds is None:
             prediction = replace(prediction, milliseconds=1e3 * (perf_counter() - start))
         first = first or prediction
         scores[title] = score_frame(sample, prediction)

@@ -39,7 +39,7 @@ class FolderPredictions:
         labels = self._image("labels", sample.name, CLUTTER)
         furniture = self._image("furniture", sample.name, 255)
         if layout is None or labels is None:
-            return Prediction.nothing(camera, str(line.get("error", "no files")))
+            return Prediction.nothing(camera, str(line.get("error", "no files")), _number(None))
         for kind, image in (("layout", layout), ("labels", labels)):
             if image.shape != (camera.height, camera.width):
                 raise DataError(
@@ -57,7 +57,7 @@ class FolderPredictions:
             confidence=_number(line.get("confidence")),
             face_confidence=faces,
             status=str(line.get("status", "ok")).lower(),
-            milliseconds=_milliseconds(line.get("timings_ms", {})),
+            milliseconds=_number(line.get("milliseconds")),
         )
 
     def _image(self, kind: str, name: str, highest: int) -> NDArray[np.uint8] | None:
@@ -86,11 +86,6 @@ def _cuboid(line: Mapping[str, Any]) -> RoomCuboid | None:
 
 def _number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
-
-
-def _milliseconds(timings: Mapping[str, float | None]) -> float:
-    """Return the line's total, or the sum of its stages."""
-    return _number(timings.get("total", sum(t or 0.0 for t in timings.values()) or None))
 
 
 def read_folder(path: Path) -> FolderPredictions:

@@ -17,7 +17,8 @@ class Prediction:
     """Attributes as in `RoomEstimate`; None or NaN where the method does not say.
 
     `metric` is False where the cuboid's scale is unknown; `free_floor` are the cells called free, on those of the
-    sample's floor map. `status` is "ok" or what the method said instead; `milliseconds` is its time for the frame.
+    sample's floor map. `status` is "ok" or what the method said instead; `milliseconds` is its wall time for the
+    frame, NaN where nobody knows it, None where whoever calls the method shall take the time of the call.
     """
 
     layout: NDArray[np.uint8]
@@ -29,19 +30,19 @@ class Prediction:
     confidence: float = float("nan")
     face_confidence: NDArray[np.float64] = field(default_factory=lambda: np.full(5, np.nan))
     status: str = "ok"
-    milliseconds: float = float("nan")
+    milliseconds: float | None = None
 
     @classmethod
-    def nothing(cls, camera: CameraIntrinsics, status: str) -> Prediction:
+    def nothing(cls, camera: CameraIntrinsics, status: str, milliseconds: float | None = None) -> Prediction:
         """Return the prediction of a method that has none for this frame: every pixel unknown, so wrong."""
         empty = np.zeros((camera.height, camera.width), np.uint8)
-        return cls(layout=empty, labels=empty, status=status)
+        return cls(layout=empty, labels=empty, status=status, milliseconds=milliseconds)
 
     @classmethod
     def of_estimate(
         cls,
         estimate: RoomEstimate,
-        milliseconds: float = float("nan"),
+        milliseconds: float | None = None,
         free_floor: NDArray[np.bool_] | None = None,
     ) -> Prediction:
         """Take over the estimator's result."""

@@ -91,7 +91,8 @@ def _cards(ours: SetScore) -> str:
         if np.isfinite(figure.value):
             beside = f"{100 * figure.low:.1f} to {100 * figure.high:.1f}; {paper.title} {published:.2f}"
             items.append((f"{percent(figure.value)} %", what, beside))
-    items.append((f"{ours.milliseconds:.0f} ms", "a frame, median", f"{ours.title}, on this machine"))
+    if np.isfinite(ours.milliseconds):
+        items.append((f"{ours.milliseconds:.0f} ms", "a frame, median", f"{ours.title}, on its machine"))
     return page.cards(items)
 
 

@@ -13,6 +13,8 @@ from room_layout_ros.core.labels import FACES, LABEL_COLORS, LABEL_NAMES
 from room_layout_ros.datasets import DataError
 from room_layout_ros.extras import install_hint
 
+from .face_text import face_text
+
 _POINT_STRIDE = 4
 
 
@@ -36,7 +38,6 @@ class RerunLog:
         """
         rerun = _rerun()
         stream = rerun.RecordingStream("room_layout_ros")
-        path.parent.mkdir(parents=True, exist_ok=True)
         stream.save(str(path))
         return cls(rerun, stream)
 
@@ -48,8 +49,8 @@ class RerunLog:
         stream.spawn()
         return cls(rerun, stream)
 
-    def add(self, frame: RgbdFrame, estimate: RoomEstimate) -> None:
-        """Log one frame at its stamp."""
+    def add(self, frame: RgbdFrame, estimate: RoomEstimate, milliseconds: float) -> None:
+        """Log one frame at its stamp; `milliseconds` is the wall time of its estimate."""
         rr, stream = self._rerun, self._stream
         stream.set_time("stamp", duration=frame.stamp_ns * 1e-9)
         camera = frame.camera
@@ -63,12 +64,12 @@ class RerunLog:
             self._points(frame, estimate)
         outlines = [np.vstack([p.points_m, p.points_m[:1]]) for p in estimate.polygons]
         colors = [LABEL_COLORS[p.face] for p in estimate.polygons]
-        labels = [f"{LABEL_NAMES[p.face]} {p.distance:.2f} m" for p in estimate.polygons]
+        labels = [face_text(p.face, p.distance, estimate.metric) for p in estimate.polygons]
         stream.log("room/faces", rr.LineStrips3D(outlines, colors=colors, labels=labels, radii=0.015))
         stream.log("confidence/frame", rr.Scalars(estimate.confidence))
         for face, confidence in zip(FACES, estimate.face_confidence, strict=True):
             stream.log(f"confidence/{LABEL_NAMES[face].replace(' ', '_')}", rr.Scalars(float(confidence)))
-        stream.log("milliseconds", rr.Scalars(sum(estimate.timings_ms.values())))
+        stream.log("milliseconds", rr.Scalars(milliseconds))
 
     def close(self) -> None:
         """Write out what is still held back."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -149,7 +150,7 @@ def score_frame(sample: Sample, prediction: Prediction) -> FrameScore:
         furniture=_furniture(truth.furniture, truth.labels40, prediction.furniture),
         confidence=prediction.confidence,
         face_confidence=prediction.face_confidence,
-        milliseconds=prediction.milliseconds,
+        milliseconds=math.nan if prediction.milliseconds is None else prediction.milliseconds,
     )
 
 
@@ -159,7 +160,7 @@ def run(title: str, method: Method, samples: Iterable[Sample]) -> SetScore:
     for sample in samples:
         start = time.perf_counter()
         prediction = method(sample)
-        if np.isnan(prediction.milliseconds):
+        if prediction.milliseconds is None:
             prediction = replace(prediction, milliseconds=1e3 * (time.perf_counter() - start))
         scores.append(score_frame(sample, prediction))
     return SetScore(title, tuple(scores))

@@ -49,7 +49,7 @@ def text_table(scores: Sequence[SetScore]) -> str:
             f"{with_span(figures['labelling_error']):>19}"
             f"{with_span(figures['mean_iou']):>19}"
             f"{percent(figures['corner_error'].value):>9}"
-            f"{score.milliseconds:>7.1f}"
+            f"{number(score.milliseconds, 1):>7}"
             f"{score.without_estimate:>6}"
         )
     lines.append(PUBLISHED_ON + ":")
@@ -144,9 +144,9 @@ def percent(share: float) -> str:
     return number(100 * share)
 
 
-def number(value: float) -> str:
-    """Return a number with two digits, "-" for NaN."""
-    return f"{value:.2f}" if np.isfinite(value) else "-"
+def number(value: float, digits: int = 2) -> str:
+    """Return a number with some digits behind the point, "-" for NaN."""
+    return f"{value:.{digits}f}" if np.isfinite(value) else "-"
 
 
 def with_span(figure: Figure, factor: float = 100.0, digits: int = 2) -> str:
