@@ -6,6 +6,8 @@ import re
 import shutil
 import subprocess
 import sys
+import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -245,3 +247,42 @@ def test_live_demo_brings_every_frame_back_through_the_node(tmp_path: Path) -> N
     stamps = {sample.frame.stamp_ns for sample in good_samples(open_source(out / "input"))}
     assert set(recording.labels) == stamps
     assert float(recording.health["latency_p50_ms"]) > 0
+
+
+def test_the_legend_of_a_contact_sheet_has_three_quarters_of_its_size(made: Path) -> None:
+    """At half of it, as it was, a 0 reads as an 8."""
+    with Image.open(made / "contact-sheet.png") as sheet:
+        assert sheet.width >= N_FRAMES * 0.75 * 640
+
+
+@pytest.mark.parametrize(
+    ("stamps_s", "gap_s", "seconds"),
+    [((3.0,), 1 / 30, 1 / 30), (range(1, 601), 1.0, 600.0), ((5.0, 5.1, 5.2, 9.2), 0.1, 4.3)],
+    ids=["one frame", "a frame a second", "with a pause"],
+)
+def test_how_long_a_bag_plays_is_told_by_its_stamps(stamps_s: Sequence[float], gap_s: float, seconds: float) -> None:
+    stamps_ns = [round(stamp * 1e9) for stamp in stamps_s]
+    assert demo_live.usual_gap_s(stamps_ns) == pytest.approx(gap_s)
+    assert demo_live.duration_s(stamps_ns) == pytest.approx(seconds)
+
+
+def test_a_slow_bag_is_played_in_real_time_and_a_quick_one_as_the_node_can(
+    made: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def wait(self: LayoutEstimator, frame: object) -> None:
+        time.sleep(0.05)
+
+    monkeypatch.setattr(LayoutEstimator, "estimate", wait)
+    monkeypatch.setattr(demo_live, "free_space_of_frame", lambda *_: None)
+    monkeypatch.setattr(demo_live, "draw_overlay", lambda *_: None)
+    assert demo_live._possible_rate(made / "input", 1.0) == 1.0
+    assert 0.02 < demo_live._possible_rate(made / "input", 1 / 30) < 0.3
+
+
+def test_all_that_the_node_publishes_is_recorded() -> None:
+    pytest.importorskip("rclpy", reason="ROS is not installed (extra ros)")
+    from room_layout_ros.outputs import OUTPUTS
+
+    topics = demo_live.recorded_topics()
+    assert {"/estimator/room_outline", "/estimator/floor_pose", "/estimator/label_names", "/diagnostics"} <= set(topics)
+    assert len(topics) == len(set(topics)) == len(OUTPUTS) + 2

@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
         from room_layout_ros.commands.demo_live import run_live
 
         _say(f"play {len(look)} frames into the node and record what it publishes ({_FIRST_TIME})")
-        mcap, notes = run_live(bag, out, len(look), arguments.rate)
+        mcap, notes = run_live(bag, out, sorted(look), arguments.rate)
     else:
         _say(f"estimate {len(look)} frames ({_FIRST_TIME})")
         with progress_bar("estimate", len(look)) as progress:

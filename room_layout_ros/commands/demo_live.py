@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
@@ -26,13 +26,7 @@ from room_layout_ros.datasets import DataError, good_samples, open_source
 from room_layout_ros.datasets.bag_topics import COLOR_INFO_TOPIC, COLOR_TOPIC, DEPTH_TOPIC
 from room_layout_ros.playback import set_transport_profile
 
-TOPICS = tuple(
-    f"/estimator/{name}"
-    for name in ("labels", "label_names", "layout", "furniture", "overlay", "polygons", "markers", "free_space")
-    + ("obstacles", "floor", "scan", "objects")
-) + ("/diagnostics",)
-"""What is recorded, as far as the node publishes it."""
-
+NODE = "/estimator"
 START_S = 180.0
 """The first start of a machine compiles the kernels."""
 
@@ -72,7 +66,7 @@ class Process:
             self.popen.wait()
 
 
-def run_live(bag: Path, out: Path, frames: int, rate: float | None) -> tuple[Path, tuple[str, ...]]:
+def run_live(bag: Path, out: Path, stamps_ns: Sequence[int], rate: float | None) -> tuple[Path, tuple[str, ...]]:
     """Play a bag into the node and record what it publishes.
 
     Parameters
@@ -81,8 +75,8 @@ def run_live(bag: Path, out: Path, frames: int, rate: float | None) -> tuple[Pat
         With the topic names of the node.
     out : Path
         Folder for the recording (results/) and the logs of the processes (log/).
-    frames : int
-        In the bag.
+    stamps_ns : sequence of int
+        Of the frames in the bag.
     rate : float or None
         Multiple of real time; None is slow enough for every frame to be estimated.
 
@@ -100,23 +94,42 @@ def run_live(bag: Path, out: Path, frames: int, rate: float | None) -> tuple[Pat
     """
     set_transport_profile()
     environment = ros_environment(out)
-    speed = _possible_rate(bag) if rate is None else rate
+    speed = _possible_rate(bag, usual_gap_s(stamps_ns)) if rate is None else rate
     results = out / "results"
     with _processes() as start:
         log = out / "log"
         log.mkdir()
         recorder = start(
-            "recorder", ["-m", "room_layout_ros.recording", *TOPICS, "--out", str(results)], environment, log
+            "recorder", ["-m", "room_layout_ros.recording", *recorded_topics(), "--out", str(results)], environment, log
         )
         node = start("estimator", ["-m", "room_layout_ros.node"], environment, log)
         words = ["--rate", f"{speed:.3f}", "--wait-for-subscribers", "1", "--wait-timeout", f"{START_S:g}"]
         words += ["--topics", COLOR_TOPIC, COLOR_INFO_TOPIC, DEPTH_TOPIC]
         player = start("player", ["-m", "room_layout_ros.cli", "play", str(bag), *words], environment, log)
-        _watch((recorder, node), player, frames / 30.0 / speed)
+        _watch((recorder, node), player, duration_s(stamps_ns) / speed)
         time.sleep(_QUIET_S)
         node.stop()
         recorder.stop()
-    return _recorded(results, recorder), _notes(recorder, frames, speed)
+    return _recorded(results, recorder), _notes(recorder, len(stamps_ns), speed)
+
+
+def recorded_topics() -> list[str]:
+    """Return all that the node publishes."""
+    from room_layout_ros.outputs import OUTPUTS
+    from room_layout_ros.publications import DIAGNOSTICS_TOPIC, LABEL_NAMES_TOPIC
+
+    topics = [*(output.topic for output in OUTPUTS), LABEL_NAMES_TOPIC, DIAGNOSTICS_TOPIC]
+    return [topic.replace("~", NODE) for topic in topics]
+
+
+def usual_gap_s(stamps_ns: Sequence[int]) -> float:
+    """Return the median time from frame to frame; of a single frame a thirtieth of a second."""
+    return float(np.median(np.diff(np.sort(stamps_ns)))) * 1e-9 if len(stamps_ns) > 1 else 1 / 30
+
+
+def duration_s(stamps_ns: Sequence[int]) -> float:
+    """Return the time from the first frame to the end of the last."""
+    return (max(stamps_ns) - min(stamps_ns)) * 1e-9 + usual_gap_s(stamps_ns)
 
 
 def ros_environment(out: Path) -> dict[str, str]:
@@ -180,8 +193,8 @@ def _watch(others: tuple[Process, ...], player: Process, seconds: float) -> None
         raise DataError(f"the player failed: {player.last_words()} (log: {player.log}, and {node.log})")
 
 
-def _possible_rate(bag: Path) -> float:
-    """Return a rate at which the node estimates every frame, measured on the bag's first frames."""
+def _possible_rate(bag: Path, gap_s: float) -> float:
+    """Return a rate at which the node estimates every frame, measured on the bag's first frames, `gap_s` apart."""
     estimator, taken_s = LayoutEstimator(), []
     for sample in islice(good_samples(open_source(bag)), 8):
         begin = time.perf_counter()
@@ -190,7 +203,7 @@ def _possible_rate(bag: Path) -> float:
         draw_overlay(sample.frame, estimate)
         taken_s.append(time.perf_counter() - begin)
     usual_s = float(np.median(taken_s[1:] or taken_s))  # the first loads the kernels
-    return min(1.0, max(0.02, _SHARE / 30.0 / usual_s))
+    return min(1.0, max(0.02, _SHARE * gap_s / usual_s))
 
 
 def _recorded(results: Path, recorder: Process) -> Path:
@@ -205,7 +218,7 @@ def _notes(recorder: Process, frames: int, speed: float) -> tuple[str, ...]:
     counts: dict[str, list[int]] = {}
     with contextlib.suppress(ValueError):
         counts = json.loads(recorder.last_words())
-    arrived, lost = counts.get("/estimator/labels", [0, 0])
+    arrived, lost = counts.get(f"{NODE}/labels", [0, 0])
     if arrived < frames:
         notes.append(
             f"{frames - arrived} of {frames} frames have no result: the node takes the newest pair when it is late."

@@ -21,7 +21,10 @@ FLOOR_FRAMES = 12
 ANIMATION_FRAMES = 120
 """More frames are thinned out evenly: a page should open at once."""
 
-_TILE = (320, 240)
+_TILE = (480, 360)
+"""Smaller, the legend of a 640x480 overlay reads wrong: a 0 as an 8."""
+_SMALL_TILE = (200, 150)
+"""Of the sheets with all frames: to find one, not to read."""
 ANIMATION_TILE = (480, 360)
 
 
@@ -30,7 +33,7 @@ def evenly(count: int, wanted: int) -> list[int]:
     return sorted({int(i) for i in np.linspace(0, count - 1, min(count, wanted)).round()})
 
 
-def write_sheets(path: Path, frames: Sequence[tuple[str, Image]], columns: int = 6) -> list[Path]:
+def write_sheets(path: Path, frames: Sequence[tuple[str, Image]], columns: int = 4) -> list[Path]:
     """Write contact sheets: `path` with an even choice of frames; if there are more, path-all-N with all of them."""
     chosen = [frames[i] for i in evenly(len(frames), SHEET_FRAMES)]
     write_image(path, pictures.tiles(chosen, min(columns, len(chosen)), _TILE))
@@ -39,7 +42,7 @@ def write_sheets(path: Path, frames: Sequence[tuple[str, Image]], columns: int =
         per_sheet = 60
         for number, start in enumerate(range(0, len(frames), per_sheet), 1):
             sheet = path.with_name(f"{path.stem}-all-{number}.jpg")
-            write_image(sheet, pictures.tiles(frames[start : start + per_sheet], 10, (200, 150)), 88)
+            write_image(sheet, pictures.tiles(frames[start : start + per_sheet], 10, _SMALL_TILE), 88)
             written.append(sheet)
     return written
 
