@@ -200,23 +200,21 @@ def modes(along: F64, weight: F64, count: int) -> list[float]:
     return [float((i + 0.5) * 0.025) for i in peaks[np.argsort(-smooth[peaks], kind="stable")][:count]]
 
 
-def score_face(
-    rays: F64, points: F64, agreement: F64, structure: F64, sigma: F64, distances: F64, violation_weight: float
-) -> float:
+def score_face(points: F64, agreement: F64, sigma: F64, distances: F64, violation_weight: float) -> float:
     """Score of one whole cuboid: what its faces gain from the cells on them, less what lies beyond. Room axes."""
     total = 0.0
-    for i in range(len(rays)):
-        face, _ = face_seen(rays[i], np.eye(3), distances, least=0.0)
+    for i in range(len(points)):
+        face, _ = face_seen(points[i], np.eye(3), distances, least=0.0)
         if face < 0 or not np.isfinite(points[i, 2]):
             continue
         axis = FACE_AXIS[face]
         gap = float(distances[face] - FACE_SIGN[face] * points[i, axis])
         width = 2 * sigma[i] + 0.01 * distances[face]
         if gap <= 4 * width:
-            total += np.exp(-0.5 * (gap / width) ** 2) * agreement[i, axis] * structure[i, face]
+            total += np.exp(-0.5 * (gap / width) ** 2) * agreement[i, axis]
         if gap < -width:
             total -= violation_weight * min((-gap - width) / 0.15, 1.0)
-    return total / len(rays)
+    return total / len(points)
 
 
 def votes(

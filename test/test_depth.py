@@ -16,7 +16,7 @@ from room_layout_ros.core.depth import (
     _cell_moments,
     compute_depth_geometry,
     fit_cell_planes,
-    solve_plane,
+    plane_of_moments,
 )
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 
@@ -138,12 +138,16 @@ def test_a_step_in_depth_has_no_plane() -> None:
 
 def test_a_plane_of_summed_cells_is_exact_and_rays_on_a_line_span_none() -> None:
     depth = (1 / (0.4 + 0.1 * SMALL.rays()[..., 0] - 0.05 * SMALL.rays()[..., 1])).astype(np.float32)
-    moments = geometry_of(RgbdFrame(SMALL, None, depth)).moments.sum(axis=(0, 1))
-    m, covariance = solve_plane(moments)
+    moments = geometry_of(RgbdFrame(SMALL, None, depth)).moments
+    m, (x, y, w), det, spread, residual = plane_of_moments(moments.sum(axis=(0, 1)))
     np.testing.assert_allclose(m, [0.1, -0.05, 0.4], atol=1e-6)
-    assert (np.linalg.eigvalsh(covariance) > 0).all()
-    with pytest.raises(np.linalg.LinAlgError):
-        solve_plane(np.zeros(MOMENTS))
+    assert w == pytest.approx(m @ np.array([x, y, 1.0]), abs=1e-9)
+    rays = SMALL.rays().reshape(-1, 3)
+    np.testing.assert_allclose(spread, rays[:, :2].var(axis=0), rtol=0.01)
+    assert det == pytest.approx(np.linalg.det(np.cov(rays[:, :2].T)), rel=0.02)
+    assert residual < 1e-12
+    on_a_line = np.array([4.0, 6.0, 0.0, 2.0, 14.0, 0.0, 0.0, 3.0, 0.0, 1.0])
+    assert plane_of_moments(on_a_line)[2] == 0.0
 
 
 def test_an_image_smaller_than_a_cell_has_no_cells() -> None:

@@ -10,12 +10,13 @@ from scenes import HALF, ROOM, SMALL, TINY, look, seen_from_inside
 
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import DepthGeometry, compute_depth_geometry
+from room_layout_ros.core.depth_cells import gather_depth_cells
 from room_layout_ros.core.depth_estimator import best_layout, estimate_from_depth
 from room_layout_ros.core.depth_layout import (
+    VIOLATION_WEIGHT,
     LayoutEvidence,
     ScoredLayout,
     _histogram_peaks,
-    gather_evidence,
     score_face,
     search_layout,
 )
@@ -36,10 +37,10 @@ def geometry_of(frame: RgbdFrame) -> DepthGeometry:
 
 
 def random_evidence(rng: np.random.Generator, n: int) -> LayoutEvidence:
-    rays = np.column_stack([rng.uniform(-0.6, 0.6, (n, 2)), np.ones(n)]) @ look(30, 10).T
-    points = rays * rng.uniform(0.5, 5.0, (n, 1))
+    points = np.column_stack([rng.uniform(-0.6, 0.6, (n, 2)), np.ones(n)]) @ look(30, 10).T
+    points *= rng.uniform(0.5, 5.0, (n, 1))
     points[rng.random(n) < 0.2] = np.nan
-    return LayoutEvidence(rays, points, rng.random((n, 3)), rng.random((n, 5)), rng.uniform(0.01, 0.1, n))
+    return LayoutEvidence(points, rng.random((n, 3)), rng.uniform(0.01, 0.1, n))
 
 
 def test_the_score_of_each_trial_equals_the_score_of_that_cuboid(rng: np.random.Generator) -> None:
@@ -49,10 +50,10 @@ def test_the_score_of_each_trial_equals_the_score_of_that_cuboid(rng: np.random.
         distances[rng.random(5) < 0.2] = np.inf
         for face in range(5):
             trials = np.append(rng.uniform(0.3, 5.0, 4), np.inf)
-            fast = score_face(e, distances, face, trials, 1.5)
+            fast = score_face(e, distances, face, trials)
             for trial, score in zip(trials, fast, strict=True):
                 room = np.where(np.arange(5) == face, trial, distances)
-                slow = naive_room.score_face(e.rays, e.points, e.agreement, e.structure, e.sigma, room, 1.5)
+                slow = naive_room.score_face(e.points, e.agreement, e.sigma, room, VIOLATION_WEIGHT)
                 assert score == pytest.approx(slow, abs=1e-10)
 
 
@@ -61,7 +62,7 @@ def test_an_empty_room_is_found(R: NDArray[np.float64]) -> None:
     frame, room = seen_from_inside(HALF, R)
     raster = room.raster(HALF)
     seen = np.bincount(raster.ravel(), minlength=6)[1:] > 1500
-    found = search_layout(gather_evidence(geometry_of(frame), R), R)
+    found = search_layout(gather_depth_cells(geometry_of(frame)), R)
     assert np.abs(found.distances - ROOM)[seen].max() < 0.04
     assert (RoomCuboid(R, found.distances).raster(HALF) != raster).mean() < 0.02
     large = np.bincount(raster.ravel(), minlength=6)[1:] > 0.1 * raster.size  # narrow strips have no normals
@@ -75,7 +76,7 @@ def test_a_wall_is_not_drawn_through_what_is_seen_behind_it() -> None:
     assert frame.depth_m is not None
     depth = frame.depth_m.copy()
     depth[80:170, 130:200] = 2.4
-    found = search_layout(gather_evidence(geometry_of(RgbdFrame(HALF, None, depth)), room.R_room_camera), look(0, 5))
+    found = search_layout(gather_depth_cells(geometry_of(RgbdFrame(HALF, None, depth))), room.R_room_camera)
     assert found.distances[3] == pytest.approx(3.5, abs=0.05)
 
 

@@ -15,11 +15,10 @@ from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.edge_refinement import RoomPicture, refine_on_edges
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
-from room_layout_ros.core.layout import RoomCuboid
+from room_layout_ros.core.layout import RoomCuboid, plane_rows
 from room_layout_ros.core.lines import LineSegments, compute_line_segments
 from room_layout_ros.core.room_axes import angle_between_axes
 from room_layout_ros.core.room_cells import RoomCells, room_cells
-from room_layout_ros.core.room_cost import plane_rows
 from room_layout_ros.core.room_edges import edge_candidates
 from room_layout_ros.core.slow_depth import depth_equations, measure_errors, structure_cells
 from room_layout_ros.datasets import good_samples

@@ -15,7 +15,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, CellPlanes, DepthGeometry, depth_sigma, fit_cell_planes
+from .depth import MOMENTS, CellPlanes, DepthGeometry, depth_sigma, fit_cell_planes, plane_of_moments
+from .room_axes import cross, nearest_rotation, rotate_rows
 
 _FIRST_TOLERANCE_RAD = np.deg2rad(15.0)
 _TOLERANCE_RAD = np.deg2rad(8.0)
@@ -72,19 +73,18 @@ def _refine(moments, cells, line_normals, line_weights, R, rounds):  # type: ign
         if len(axes) == 0 and len(line_normals) == 0:
             return R
         R = _turn(normals, axes, weights, line_normals, line_weights, R)
-    u, _, vt = np.linalg.svd(R)
-    return u @ vt
+    return nearest_rotation(R)
 
 
 @njit(cache=True, nogil=True)
 def _plane_normals(moments, cell, plane, n_planes, R, min_cells):  # type: ignore[no-untyped-def]
     """Normals (p, 3), nearest axes (p,) and weights (p,) of the planes of at least `min_cells` cells."""
-    sums = np.zeros((n_planes, 10))
+    sums = np.zeros((n_planes, MOMENTS))
     cells = np.zeros(n_planes, np.int32)
     for i in range(len(plane)):
         if plane[i] >= 0:
             cells[plane[i]] += 1
-            for k in range(10):
+            for k in range(MOMENTS):
                 sums[plane[i], k] += moments[cell[i, 0], cell[i, 1], k]
     normals = np.empty((n_planes, 3))
     axes = np.empty(n_planes, np.int64)
@@ -93,17 +93,9 @@ def _plane_normals(moments, cell, plane, n_planes, R, min_cells):  # type: ignor
     for p in range(n_planes):
         if cells[p] < min_cells:
             continue
-        s = sums[p]
-        n = s[0]
-        mx, my, mw = s[1] / n, s[2] / n, s[3] / n
-        cxx, cxy, cyy = s[4] / n - mx * mx, s[5] / n - mx * my, s[6] / n - my * my
-        cxw, cyw = s[7] / n - mx * mw, s[8] / n - my * mw
-        det = cxx * cyy - cxy * cxy
+        (a, b, c), (_, _, w), det, (xx, yy), _ = plane_of_moments(sums[p])
         if det < 1e-12:
             continue
-        a = (cyy * cxw - cxy * cyw) / det
-        b = (cxx * cyw - cxy * cxw) / det
-        c = mw - a * mx - b * my
         length = np.sqrt(a * a + b * b + c * c)
         best = 0.0
         for k in range(3):
@@ -114,9 +106,9 @@ def _plane_normals(moments, cell, plane, n_planes, R, min_cells):  # type: ignor
         sign = 1.0 if best >= 0 else -1.0
         normals[count, 0], normals[count, 1] = sign * a / length, sign * b / length
         normals[count, 2] = sign * c / length
-        # Neighbouring errors go together: a cell counts as one measurement, not its 100 pixels.
-        sigma_w = depth_sigma(1.0 / mw, NOISE_FLOOR_M, NOISE_QUADRATIC) * mw * mw
-        spread = sigma_w * np.sqrt((cxx + cyy) / det / cells[p]) / length
+        # Neighbouring errors go together: a cell counts as one measurement, not its `CELL_PIXELS`.
+        sigma_w = depth_sigma(1.0 / w) * w * w
+        spread = sigma_w * np.sqrt((xx + yy) / det / cells[p]) / length
         weights[count] = np.sqrt(cells[p]) / (spread**2 + _BEST_SIGMA_RAD**2)
         count += 1
     return normals[:count], axes[:count], weights[:count]
@@ -174,27 +166,6 @@ def _turn(normals, axes, weights, line_normals, line_weights, R):  # type: ignor
     return R
 
 
-@njit(cache=True, nogil=True, inline="always")
-def cross(a, b):  # type: ignore[no-untyped-def]
-    """Cross product as three numbers; numpy's allocates."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@njit(cache=True, nogil=True)
-def rotate_rows(R, vector):  # type: ignore[no-untyped-def]
-    """Rotate each row of R by a rotation vector (Rodrigues)."""
-    angle = np.sqrt((vector**2).sum())
-    if angle < 1e-12:
-        return R
-    u = vector / angle
-    c, s = np.cos(angle), np.sin(angle)
-    turned = np.empty((3, 3))
-    for k in range(3):
-        dot = (u * R[k]).sum()
-        turned[k] = c * R[k] + s * np.array(cross(u, R[k])) + (1.0 - c) * dot * u
-    return turned
-
-
 @njit(cache=True, nogil=True)
 def _grow(rows, cols, cell, normal, centroid, sigma, R, tolerance):  # type: ignore[no-untyped-def]
     """Connected cells on one plane along an axis: (plane index per cell or -1, number of planes)."""
@@ -236,8 +207,7 @@ def _grow(rows, cols, cell, normal, centroid, sigma, R, tolerance):  # type: ign
                 dz = centroid[j, 2] - centroid[i, 2]
                 off = abs(R[k, 0] * dx + R[k, 1] * dy + R[k, 2] * dz)
                 length = np.sqrt(dx * dx + dy * dy + dz * dz)
-                z = centroid[i, 2]
-                if off < length * tolerance + 2.0 * (0.01 + 0.0019 * z * z):
+                if off < length * tolerance + 2.0 * depth_sigma(centroid[i, 2]):
                     plane[j] = count
                     stack[top] = j
                     top += 1

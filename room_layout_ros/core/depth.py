@@ -27,6 +27,11 @@ NOISE_FLOOR_M = 0.01
 NOISE_QUADRATIC = 0.0019
 """Kinect-like growth of the noise: sigma_Z = floor + quadratic Z^2 (Z in m). Structured light and stereo alike."""
 
+LEAST_MEASURED = 0.3
+"""Share of a cell's pixels that must have depth for the cell to have one."""
+
+CELL_PIXELS = CELL_PX * CELL_PX
+
 MAD_TO_SIGMA = 1.4826
 """Standard deviation of normal noise over its median absolute deviation."""
 
@@ -101,25 +106,11 @@ def fit_cell_planes(geometry: DepthGeometry, radius: int = 1, max_residual: floa
     max_residual : float
         Largest accepted r.m.s. residual in units of the depth noise.
     """
-    return CellPlanes(*_fit_windows(geometry.moments, radius, max_residual, NOISE_FLOOR_M, NOISE_QUADRATIC))
-
-
-def solve_plane(moments: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least-squares plane of summed moments: (m = n / d (3,), its covariance for unit noise in w (3, 3)).
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        When the rays do not span a plane.
-    """
-    n, x, y, w, xx, xy, yy, xw, yw, _ = moments
-    normal_matrix = np.array([[xx, xy, x], [xy, yy, y], [x, y, n]])
-    inverse = np.linalg.inv(normal_matrix)
-    return inverse @ np.array([xw, yw, w]), inverse
+    return CellPlanes(*_fit_windows(geometry.moments, radius, max_residual))
 
 
 @njit(cache=True, nogil=True)
-def depth_sigma(z, floor, quadratic):  # type: ignore[no-untyped-def]
+def depth_sigma(z, floor=NOISE_FLOOR_M, quadratic=NOISE_QUADRATIC):  # type: ignore[no-untyped-def]
     """Standard deviation in m of a depth measurement at z m."""
     return floor + quadratic * z * z
 
@@ -142,7 +133,7 @@ def _inverse(depth, near, far):  # type: ignore[no-untyped-def]
 def _cell_moments(inverse, size, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
     height, width = inverse.shape
     rows, cols = height // size, width // size
-    moments = np.zeros((rows, cols, 10))
+    moments = np.zeros((rows, cols, MOMENTS))
     rays = (np.arange(width) - cx) / fx
     for y in range(rows * size):
         ry = (y - cy) / fy
@@ -173,8 +164,25 @@ def _cell_moments(inverse, size, fx, fy, cx, cy):  # type: ignore[no-untyped-def
     return moments
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def plane_of_moments(s):  # type: ignore[no-untyped-def]
+    """Least-squares plane w = a x + b y + c of summed `MOMENTS`.
+
+    Returns (a, b, c), the mean (x, y, w), the determinant of the rays' variance (where it is next to 0, the rays span
+    no plane), its diagonal (xx, yy), and the mean squared residual.
+    """
+    n = s[0]
+    x, y, w = s[1] / n, s[2] / n, s[3] / n
+    xx, xy, yy = s[4] / n - x * x, s[5] / n - x * y, s[6] / n - y * y
+    xw, yw, ww = s[7] / n - x * w, s[8] / n - y * w, s[9] / n - w * w
+    det = xx * yy - xy * xy
+    a = (yy * xw - xy * yw) / det
+    b = (xx * yw - xy * xw) / det
+    return (a, b, w - a * x - b * y), (x, y, w), det, (xx, yy), max(ww - a * xw - b * yw, 0.0)
+
+
 @njit(cache=True, nogil=True)
-def _fit_windows(moments, radius, max_residual, floor, quadratic):  # type: ignore[no-untyped-def]
+def _fit_windows(moments, radius, max_residual):  # type: ignore[no-untyped-def]
     rows, cols, _ = moments.shape
     capacity = rows * cols
     cells = np.empty((capacity, 2), np.int32)
@@ -182,42 +190,35 @@ def _fit_windows(moments, radius, max_residual, floor, quadratic):  # type: igno
     distances = np.empty(capacity)
     centroids = np.empty((capacity, 3))
     sigmas = np.empty(capacity)
-    full = (2 * radius + 1) ** 2 * 100.0
+    full = (2 * radius + 1) ** 2 * float(CELL_PIXELS)
     count = 0
-    s = np.empty(10)
+    s = np.empty(MOMENTS)
     for row in range(radius, rows - radius):
         for col in range(radius, cols - radius):
             s[:] = 0.0
             for i in range(row - radius, row + radius + 1):
                 for j in range(col - radius, col + radius + 1):
-                    for k in range(10):
+                    for k in range(MOMENTS):
                         s[k] += moments[i, j, k]
             n = s[0]
             if n < 0.5 * full:
                 continue
-            mx, my, mw = s[1] / n, s[2] / n, s[3] / n
-            cxx, cxy, cyy = s[4] / n - mx * mx, s[5] / n - mx * my, s[6] / n - my * my
-            cxw, cyw, cww = s[7] / n - mx * mw, s[8] / n - my * mw, s[9] / n - mw * mw
-            det = cxx * cyy - cxy * cxy
+            (a, b, c), (x, y, w), det, (xx, yy), residual = plane_of_moments(s)
             if det < 1e-14:
                 continue
-            a = (cyy * cxw - cxy * cyw) / det
-            b = (cxx * cyw - cxy * cxw) / det
-            residual = max(cww - a * cxw - b * cyw, 0.0)
-            z = 1.0 / mw
-            sigma_w = depth_sigma(z, floor, quadratic) * mw * mw
+            z = 1.0 / w
+            sigma_w = depth_sigma(z) * w * w
             if residual > (max_residual * sigma_w) ** 2:
                 continue
-            c = mw - a * mx - b * my
             length = np.sqrt(a * a + b * b + c * c)
             if length < 1e-6:
                 continue
             cells[count, 0], cells[count, 1] = row, col
             normals[count, 0], normals[count, 1], normals[count, 2] = a / length, b / length, c / length
             distances[count] = 1.0 / length
-            centroids[count, 0], centroids[count, 1], centroids[count, 2] = mx * z, my * z, z
+            centroids[count, 0], centroids[count, 1], centroids[count, 2] = x * z, y * z, z
             # One cell counts as one measurement: neighbouring depth errors are far from independent.
-            cells_in_window = n / 100.0
-            sigmas[count] = sigma_w / np.sqrt(cells_in_window * min(cxx, cyy)) / length
+            cells_in_window = n / CELL_PIXELS
+            sigmas[count] = sigma_w / np.sqrt(cells_in_window * min(xx, yy)) / length
             count += 1
     return cells[:count], normals[:count], distances[:count], centroids[:count], sigmas[:count]

@@ -8,11 +8,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .depth import CELL_PX, NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma, fit_cell_planes
+from .depth import CELL_PIXELS, CELL_PX, LEAST_MEASURED, DepthGeometry, depth_sigma, fit_cell_planes
 
 _NO_NORMAL = 0.3
 _NORMAL_RAD = np.deg2rad(6.0)
-_MIN_MEASURED = 0.3
 _RADII = (1, 2)
 """Half sizes of the windows that normals are fitted over; the wider window has the last word."""
 
@@ -62,11 +61,11 @@ def _mean_points(moments, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
         for column in range(columns):
             cell, count = row * columns + column, moments[row, column, 0]
             z = 1.0  # for the noise, where nothing is known
-            if count >= CELL_PX * CELL_PX * _MIN_MEASURED:
+            if count >= CELL_PIXELS * LEAST_MEASURED:
                 z = count / moments[row, column, 3]
                 points[cell, 0] = z * ((column * CELL_PX + middle - cx) / fx)
                 points[cell, 1], points[cell, 2] = z * ((row * CELL_PX + middle - cy) / fy), z
-            sigma[cell] = depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC)
+            sigma[cell] = depth_sigma(z)
     return points, sigma
 
 

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from .depth import DepthGeometry
-from .depth_layout import ScoredLayout, gather_evidence, search_layout
+from .depth_cells import gather_depth_cells
+from .depth_layout import ScoredLayout, search_layout
 from .estimate import RoomEstimate, Status
 from .frame import RgbdFrame
 from .geometric_labelling import label_by_geometry
@@ -27,7 +28,8 @@ def estimate_from_depth(
     timings_ms: Mapping[str, float],
 ) -> RoomEstimate:
     """Estimate the room from depth alone (`depth_layout`, `geometric_labelling`)."""
-    room = best_layout([search_layout(gather_evidence(geometry, R), R) for R in axes.hypotheses[:_HYPOTHESES]])
+    cells = gather_depth_cells(geometry)
+    room = best_layout([search_layout(cells, R) for R in axes.hypotheses[:_HYPOTHESES]])
     cuboid = RoomCuboid(room.R_room_camera, room.distances)
     layout = cuboid.raster(frame.camera)
     labels = label_by_geometry(cuboid, layout, geometry, superpixels.index, superpixels.count)

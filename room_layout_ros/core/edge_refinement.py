@@ -15,11 +15,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .axes_refinement import cross, rotate_rows
 from .frame import CameraIntrinsics
+from .layout import plane_rows
 from .lines import LineSegments, segment_planes
+from .room_axes import cross, nearest_rotation, rotate_rows
 from .room_cells import RoomCells
-from .room_cost import plane_rows
 from .room_edges import add_edges, edge_candidates
 from .slow_depth import depth_equations, measure_errors, structure_cells
 
@@ -89,8 +89,7 @@ def refine_on_edges(
     R, moved, found = _refine(structure.cells, structure.nodes, image, lines, R_room_camera, distances)
     if not found:
         return R_room_camera, distances
-    u, _, vt = np.linalg.svd(R)
-    return np.asarray(u @ vt), moved
+    return np.asarray(nearest_rotation(R)), moved
 
 
 @njit(cache=True, nogil=True)

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma
+from .depth import DepthGeometry, depth_sigma
 from .labels import CLUTTER
 from .layout import RoomCuboid
 
@@ -54,7 +54,7 @@ def _votes(planes, layout, inverse, rays, index, count):  # type: ignore[no-unty
             m = planes[k, 0] * rays[y, x, 0] + planes[k, 1] * rays[y, x, 1] + planes[k, 2]
             length = np.sqrt(planes[k, 0] ** 2 + planes[k, 1] ** 2 + planes[k, 2] ** 2)
             gap = (1.0 - m / w) / length  # metres in front of the plane, along its normal
-            tolerance = _ON_PLANE_M + 2.0 * depth_sigma(1.0 / w, NOISE_FLOOR_M, NOISE_QUADRATIC)
+            tolerance = _ON_PLANE_M + 2.0 * depth_sigma(1.0 / w)
             if gap > tolerance:
                 votes[index[y, x], 6] += 1.0
             else:

@@ -52,7 +52,7 @@ class RoomCuboid:
     @property
     def inverse_normals(self) -> NDArray[np.float64]:
         """(5, 3) n_k / d_k in the camera frame: the face of ray r is argmax_k (n_k / d_k) . r."""
-        return FACE_SIGN[:, None] * self.R_room_camera[FACE_AXIS] / self.distances[:, None]
+        return np.asarray(plane_rows(self.R_room_camera, self.distances))
 
     def at_unit_scale(self) -> RoomCuboid:
         """Return the room with the front wall at 1; where none is in view the farthest face is there."""
@@ -116,6 +116,30 @@ def pixel_rows(rows: NDArray[np.float64], camera: CameraIntrinsics) -> NDArray[n
 
 
 @njit(cache=True, nogil=True)
+def plane_rows(R, distances):  # type: ignore[no-untyped-def]
+    """(5, 3) n_k / d_k of the five faces, n_k outward."""
+    m = np.empty((5, 3))
+    for j in range(3):
+        m[0, j] = -R[1, j] / distances[0]
+        m[1, j] = R[1, j] / distances[1]
+        m[2, j] = -R[0, j] / distances[2]
+        m[3, j] = R[2, j] / distances[3]
+        m[4, j] = R[0, j] / distances[4]
+    return m
+
+
+@njit(cache=True, nogil=True, inline="always")
+def face_of_ray(m, x, y, z, least):  # type: ignore[no-untyped-def]
+    """(face 0..4 hit by the ray through (x, y, z), -1 for none; m . (x, y, z) of it), for rows m; above `least`."""
+    best, face = least, -1
+    for k in range(5):
+        value = m[k, 0] * x + m[k, 1] * y + m[k, 2] * z
+        if value > best:
+            best, face = value, k
+    return face, best
+
+
+@njit(cache=True, nogil=True)
 def is_rotation(R):  # type: ignore[no-untyped-def]
     """Whether a 3 x 3 matrix turns and does nothing else, to about 1e-6; a NaN does not."""
     for i in range(3):
@@ -168,12 +192,8 @@ def _polygon(m, k, width, height, camera):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True, inline="always")
 def _face_at(m, x, y):  # type: ignore[no-untyped-def]
     """(Face id 1..5 of pixel (x, y), inverse depth there); 0 where no face is hit."""
-    best, face = 0.0, 0
-    for k in range(5):
-        value = m[k, 0] * x + m[k, 1] * y + m[k, 2]
-        if value > best:
-            best, face = value, k + 1
-    return face, best
+    face, best = face_of_ray(m, x, y, 1.0, 0.0)
+    return face + 1, best
 
 
 @njit(cache=True, nogil=True)

@@ -15,8 +15,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
-from .depth_profiles import OFFSETS
+from .depth import depth_sigma
+from .depth_profiles import OFFSETS, curve_position
 from .frame import CameraIntrinsics
 from .labels import N_FACES
 from .layout import FACE_AXIS, FACE_SIGN
@@ -85,7 +85,7 @@ def _place(centre, plane, outward, camera):  # type: ignore[no-untyped-def]
         x, y = float(centre[k, 0]), float(centre[k, 1])
         inverse = a * x + b * y + c
         z = 1.0 / inverse if inverse > 0.0 else 1.0  # for the noise, where nothing is known
-        tolerance[k] = _TOLERANCE_M + 2.0 * depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC)
+        tolerance[k] = _TOLERANCE_M + 2.0 * depth_sigma(z)
         mx, my, mz = a * fx, b * fy, c + a * cx + b * cy
         length = np.sqrt(mx * mx + my * my + mz * mz)
         for f in range(5):
@@ -112,17 +112,14 @@ def _at(offset, agreement, tolerance, offsets, distances):  # type: ignore[no-un
     result = np.zeros((len(offset), 5, 3))
     n = len(offsets)
     for f in range(5):
-        d = distances[f]
-        low, part = 0, 0.0
-        if np.isfinite(d):
-            position = (np.log(d) - np.log(offsets[0])) / (np.log(offsets[n - 1]) - np.log(offsets[0])) * (n - 1)
-            position = min(max(position, 0.0), float(n - 1))
-            low = min(int(position), n - 2)
-            part = position - low
+        position = curve_position(distances[f])
+        absent = not position == position
+        low = 0 if absent else min(int(position), n - 2)
+        part = 0.0 if absent else position - low
         for k in range(len(offset)):
             if not offset[k, f] == offset[k, f]:
                 continue
-            if np.isinf(d):
+            if absent:
                 result[k, f, 1] = 1.0
                 continue
             first = _shares(offsets[low] - offset[k, f], agreement[k, f], tolerance[k])

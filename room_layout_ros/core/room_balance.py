@@ -6,9 +6,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
+from .depth import depth_sigma
+from .layout import plane_rows
 from .room_cells import RoomCells
-from .room_cost import face_of_point, plane_rows
+from .room_cost import face_of_point
 
 _ON_PLANE_SIGMAS = 3.0
 
@@ -38,7 +39,7 @@ def _balance(rays, inverse_depth, probability, m, distances):  # type: ignore[no
         if w <= 0.0:
             continue
         offset = distances[face] * (best / w - 1.0)
-        width = _ON_PLANE_SIGMAS * depth_sigma(1.0 / w, NOISE_FLOOR_M, NOISE_QUADRATIC)
+        width = _ON_PLANE_SIGMAS * depth_sigma(1.0 / w)
         if abs(offset) < width:
             counts[face, 0] += 1.0 - probability[i, 5]
         elif offset > 0.0:

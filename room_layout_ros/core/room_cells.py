@@ -10,12 +10,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .depth import CELL_PX, DepthGeometry
+from .depth import CELL_PIXELS, CELL_PX, LEAST_MEASURED, MOMENTS, DepthGeometry
 from .frame import CameraIntrinsics
 from .labels import N_FACES
-
-_MIN_MEASURED = 0.3
-"""Share of a cell's pixels."""
 
 INTERLEAVED_PARTS = 7
 """The cells lie in so many interleaved parts, each spread over the whole image."""
@@ -65,7 +62,7 @@ def image_cells(
 ) -> RoomCells:
     """Cells of an image without depth; parameters as for `room_cells`."""
     rows, cols = camera.height // CELL_PX, camera.width // CELL_PX
-    rays, w = _rays(np.zeros((rows, cols, 10)), camera.fx, camera.fy, camera.cx, camera.cy)
+    rays, w = _rays(np.zeros((rows, cols, MOMENTS)), camera.fx, camera.fy, camera.cx, camera.cy)
     return _interleave(rays, w, _cell_means(superpixels, probability, rows, cols, CELL_PX), behind, (rows, cols))
 
 
@@ -83,7 +80,7 @@ def _rays(moments, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
         for col in range(cols):
             cell, at = moments[row, col], row * cols + col
             count = cell[0]
-            if count >= _MIN_MEASURED * CELL_PX**2 and cell[3] > 0.0:
+            if count >= LEAST_MEASURED * CELL_PIXELS and cell[3] > 0.0:
                 w[at], rays[at, 0], rays[at, 1] = cell[3] / count, cell[1] / count, cell[2] / count
             else:
                 rays[at, 0], rays[at, 1] = (col * CELL_PX + middle - cx) / fx, (row * CELL_PX + middle - cy) / fy

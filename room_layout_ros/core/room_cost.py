@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .labels import N_FACES
+from .layout import face_of_ray, plane_rows
 from .room_cells import RoomCells
 
 COSTS = np.array([1.5, 0.8, 0.12, 0.004, 0.10, 0.025, 0.7, 0.0, 0.15, 0.05])
@@ -98,28 +99,10 @@ def _gather_terms(rays, inverse_depth, probability, behind, costs):  # type: ign
     return terms
 
 
-@njit(cache=True, nogil=True)
-def plane_rows(R, distances):  # type: ignore[no-untyped-def]
-    """n_k / d_k of the five faces."""
-    m = np.empty((5, 3))
-    for j in range(3):
-        m[0, j] = -R[1, j] / distances[0]
-        m[1, j] = R[1, j] / distances[1]
-        m[2, j] = -R[0, j] / distances[2]
-        m[3, j] = R[2, j] / distances[3]
-        m[4, j] = R[0, j] / distances[4]
-    return m
-
-
 @njit(cache=True, nogil=True, inline="always")
 def face_of_point(m, x, y, z):  # type: ignore[no-untyped-def]
-    """(face 0..4 hit by the ray through a point P = (x, y, z), -1 for none; m . P of it) for rows m = n_k / d_k."""
-    best, face = _FARTHEST * z, -1
-    for k in range(5):
-        value = m[k, 0] * x + m[k, 1] * y + m[k, 2] * z
-        face = k if value > best else face
-        best = max(value, best)
-    return face, best
+    """`layout.face_of_ray` of the ray through a point P = (x, y, z), none where its face is too far; m . P of it."""
+    return face_of_ray(m, x, y, z, _FARTHEST * z)
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})

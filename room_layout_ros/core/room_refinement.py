@@ -9,9 +9,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
+from .depth import depth_sigma
+from .layout import plane_rows
+from .room_axes import nearest_rotation
 from .room_cells import INTERLEAVED_PARTS
-from .room_cost import MIN_DISTANCE_M, CellCosts, FittedRoom, face_of_point, mean_cost, plane_rows, rate_room
+from .room_cost import MIN_DISTANCE_M, CellCosts, FittedRoom, face_of_point, mean_cost, rate_room
 
 _REFINED_PARTS = 3
 """The pattern search looks at so many of the interleaved parts of the cells; least squares at all."""
@@ -31,8 +33,7 @@ def refine_room(cells: CellCosts, room: FittedRoom, turn: bool = True) -> Fitted
     """
     R, distances, _ = _refine(cells.terms, len(cells.cells.rays), room.R_room_camera, room.distances, cells.costs, turn)
     R, distances = _polish(cells.cells.rays, cells.cells.inverse_depth, cells.cells.probability, R, distances)
-    u, _, vt = np.linalg.svd(R)
-    return rate_room(cells, FittedRoom(np.asarray(u @ vt), distances, np.inf))
+    return rate_room(cells, FittedRoom(np.asarray(nearest_rotation(R)), distances, np.inf))
 
 
 @njit(cache=True, nogil=True)
@@ -99,7 +100,7 @@ def _measured_structure(rays, inverse_depth, probability):  # type: ignore[no-un
         if w > 0.0 and max(max(probability[i, 0], probability[i, 1]), walls) >= _LEAST_STRUCTURE:
             cells[n, 0], cells[n, 1], cells[n, 2] = rays[i, 0] / w, rays[i, 1] / w, rays[i, 2] / w
             cells[n, 3], cells[n, 4], cells[n, 5] = probability[i, 0], probability[i, 1], walls
-            cells[n, 6] = 1.0 / depth_sigma(1.0 / w, NOISE_FLOOR_M, NOISE_QUADRATIC)
+            cells[n, 6] = 1.0 / depth_sigma(1.0 / w)
             n += 1
     return cells[:n]
 

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from .depth import MAD_TO_SIGMA
 from .frame import CameraIntrinsics
+from .layout import plane_rows
 from .room_cells import INTERLEAVED_PARTS, RoomCells
-from .room_cost import face_of_point, plane_rows
+from .room_cost import face_of_point
 
 _TILES_ACROSS = 8
 """The nodes are an eighth of the image's width apart, 80 px of 640. Where the error is slower, little is lost."""

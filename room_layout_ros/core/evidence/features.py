@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..depth import depth_sigma
 from ..frame import CameraIntrinsics
 from ..labels import FURNITURE_NYU40
 from ..lines import LineSegments
@@ -197,7 +198,7 @@ def _depth(
     z = sums[:, ps.DEPTH] / n
     in_camera, distance, _ = superpixel_planes(superpixels, camera)
     normal = in_camera @ R.T
-    noise = 0.01 + 0.0019 * z * z
+    noise = depth_sigma(z)
     columns: Columns = {
         "depth": z,
         "measured": superpixels.measured,
