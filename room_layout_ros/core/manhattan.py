@@ -14,12 +14,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .axes_refinement import cross, refine_on_planes
+from .axes_refinement import refine_on_planes
 from .config import EstimatorConfig
 from .depth import DepthGeometry, fit_cell_planes
 from .frame import CameraIntrinsics
 from .lines import LineSegments, segment_planes
-from .room_axes import angle_between_axes, name_axes, other_front
+from .room_axes import angle_between_axes, cross, name_axes, other_front
 from .tracking import TemporalPrior
 from .vanishing_points import estimate_axes_from_lines
 
