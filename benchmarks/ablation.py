@@ -2,7 +2,7 @@
 
 ROOM_LAYOUT_EVERY=n with ROOM_LAYOUT_FITS=DIR takes instead every n-th other frame that has a fit in DIR
 (`room-layout fit`). Those were in training, so what they say about learned parts is too good, but for the frames within
-`train.MARGIN` numbers of a hand-made one: they were left out of training; ROOM_LAYOUT_UNTRAINED=1 takes only those.
+`folds.MARGIN` numbers of a hand-made one: they were left out of training; ROOM_LAYOUT_UNTRAINED=1 takes only those.
 ROOM_LAYOUT_ROWS=A,B leaves the full model and the rows whose titles begin with A or B.
 
 Stages before the joint model are computed once per frame and set of settings that they depend on; the time of a row
@@ -44,7 +44,7 @@ from room_layout_ros.datasets import FramesFolder, FrameTruth, Sample, good_samp
 from room_layout_ros.evaluation.baselines import percentile_walls
 from room_layout_ros.evaluation.measures import score_pixels
 from room_layout_ros.learning.fit_frame import read_fits
-from room_layout_ros.learning.folds import MARGIN
+from room_layout_ros.learning.folds import is_near
 
 Image = NDArray[np.uint8]
 
@@ -133,10 +133,9 @@ def main() -> int:
 
 def _fitted(folder: FramesFolder, dev: tuple[str, ...], fits: Path, every: int, untrained: bool) -> Iterator[Sample]:
     rooms = read_fits(fits)
-    numbers = np.array([int(name) for name in dev])
     names = [name for name in sorted(rooms) if name not in dev]
     if untrained:
-        names = [name for name in names if np.abs(numbers - int(name)).min() <= MARGIN]
+        names = [name for name, near in zip(names, is_near(names, dev), strict=True) if near]
     for sample in good_samples(folder.subset(tuple(names[::every]))):
         layout = rooms[sample.name].raster(sample.frame.camera)
         labels40 = None if sample.truth is None else sample.truth.labels40

@@ -15,10 +15,11 @@ from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.datasets import Sample, good_samples, open_folder
 from room_layout_ros.datasets.synthetic import NOISES
 from room_layout_ros.evaluation.free_space import random_views
+from room_layout_ros.learning.folds import MARGIN, is_near
 
 ROOMS, FIRST, STREAM = 16, 8000, 11
-EVERY, MARGIN = 4, 4
-"""Of the real frames; none within the margin of one of the 37 that have a hand-made layout."""
+EVERY = 4
+"""Of the real frames; none near one of the 37 that have a hand-made layout."""
 
 CEILING, FLOOR, WALL = 1, 2, 3
 KIND_OF_CLASS = {22: CEILING, 2: FLOOR, 20: FLOOR, **dict.fromkeys((1, 8, 9, 11, 13, 16, 19, 30), WALL)}
@@ -37,8 +38,8 @@ def kind_errors(layout: NDArray[np.uint8], labels40: NDArray[np.uint8]) -> float
 
 def real_samples() -> Iterator[Sample]:
     folder = open_folder(DATA / "nyuv2")
-    numbers = np.array([int(p.stem) for p in (DATA / "nyuv2" / "layout").glob("*.png")])
-    names = [name for name in folder.names if np.abs(numbers - int(name)).min() >= MARGIN]
+    near = is_near(folder.names, [p.stem for p in (DATA / "nyuv2" / "layout").glob("*.png")])
+    names = [name for name, one in zip(folder.names, near, strict=True) if not one]
     yield from good_samples(folder.subset(tuple(names[::EVERY])))
 
 
@@ -66,7 +67,7 @@ def main(rooms: int = ROOMS, first: int = FIRST) -> int:
         errors.append([kind_errors(way.estimate(sample.frame).layout, sample.truth.labels40) for way in ways])
     table = np.array([row for row in errors if np.isfinite(row).all()])
     apart = table[:, 1] - table[:, 0]
-    print(f"\nNYU v2, every {EVERY}th frame {MARGIN} numbers or more from the 37 ({len(table)} frames)")
+    print(f"\nNYU v2, every {EVERY}th frame beyond {MARGIN} numbers of the 37 ({len(table)} frames)")
     print("pixels of ceiling, floor and wall whose face is of another kind:")
     print(f"without {table[:, 0].mean():.2f} %, with {table[:, 1].mean():.2f} %, ", end="")
     print(f"difference {apart.mean():+.3f} ± {apart.std(ddof=1) / np.sqrt(len(apart)):.3f}")

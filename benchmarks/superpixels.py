@@ -36,10 +36,10 @@ from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.evaluation.fitted_truth import FittedSource
 from room_layout_ros.evaluation.segmentation import segmentation_scores
 from room_layout_ros.learning.fit_frame import read_fits
+from room_layout_ros.learning.folds import is_near
 
 Labels = NDArray[np.uint8]
 Segment = Callable[[NDArray[np.uint8], NDArray[np.float32]], NDArray[np.integer]]
-MARGIN = 5
 COUNT = 200
 PAPER = ((1, 0, 2.51, 88.76, 0.63), (1, 1, 2.15, 89.36, 0.58), (0, 1, 2.81, 88.18, 0.66))
 
@@ -149,17 +149,17 @@ def main() -> int:
         return 0
     cv2.setNumThreads(1)
     splits = json.loads((folder / "splits.json").read_text())
-    dev = np.array([int(i) for i in splits["layout_dev"]])
+    dev, frames = ([f"{int(i):04d}" for i in splits[name]] for name in ("layout_dev", "frames"))
     every = int(os.environ.get("ROOM_LAYOUT_EVERY", "20"))
-    outside = [int(i) for i in splits["frames"] if np.abs(dev - int(i)).min() > MARGIN][::every]
+    outside = [name for name, near in zip(frames, is_near(frames, dev), strict=True) if not near][::every]
     source = open_folder(folder)
-    others = source.subset(tuple(f"{i:04d}" for i in outside))
+    others = source.subset(tuple(outside))
     compare("others", list(good_samples(others)), {"40 classes": classes40})
     if "ROOM_LAYOUT_FITS" in os.environ:
         rooms = read_fits(Path(os.environ["ROOM_LAYOUT_FITS"]))
         fitted = [s for s in good_samples(FittedSource(others, rooms)) if s.name in rooms]
         compare("others with an accepted fit", fitted, {"six labels": six_labels})
-    hand_made = list(good_samples(source.subset(tuple(f"{i:04d}" for i in dev))))
+    hand_made = list(good_samples(source.subset(tuple(dev))))
     truths = {"six labels": six_labels, "six labels, unlabelled as clutter": six_labels_all}
     compare("the 37", hand_made, truths)
     print("\nthe paper (202 + 101 other frames)")

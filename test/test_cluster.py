@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from local_separator import LocalSeparator
 from numpy.typing import NDArray
 
-from room_layout_ros.learning.oracle import LocalSeparator, Separation, SpreadSeparator
+from room_layout_ros.learning.oracle import Separation, SpreadSeparator
 from room_layout_ros.learning.structured_svm import SvmConfig, SvmResult, learn_one_slack
 from room_layout_ros.parallel import open_workers
 

@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from local_separator import LocalSeparator
 from numpy.typing import NDArray
 
 from room_layout_ros.learning.frank_wolfe import learn_frank_wolfe
-from room_layout_ros.learning.oracle import LocalSeparator, Separation
+from room_layout_ros.learning.oracle import Separation
 from room_layout_ros.learning.structured_svm import SvmConfig, SvmProgress, SvmResult, learn_one_slack, solve_dual
 
 Point = tuple[NDArray[np.float64], int]

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from local_separator import LocalSeparator
 from numpy.typing import NDArray
 
 from room_layout_ros.core.config import EstimatorConfig
@@ -15,11 +16,10 @@ from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.weights import N_FEATURES, SLICES, ModelWeights, start_weights
 from room_layout_ros.datasets import Sample
 from room_layout_ros.datasets.synthetic import NOISES, random_pose, random_scene, render
-from room_layout_ros.learning.folds import folds_of
+from room_layout_ros.learning.folds import folds_of, is_near
 from room_layout_ros.learning.joint_examples import FrameDescription, JointExample, build_example, describe
 from room_layout_ros.learning.joint_oracle import JointOracle, active_features, judge
 from room_layout_ros.learning.losses import joint_loss, label_overlap, mean_iou
-from room_layout_ros.learning.oracle import LocalSeparator
 from room_layout_ros.learning.structured_svm import SvmConfig
 from room_layout_ros.learning.train import TrainConfig, joint_oracle, learn_weights
 from room_layout_ros.learning.train_run import choose_names
@@ -166,3 +166,11 @@ def test_held_out_frames_and_their_neighbours_are_left_out() -> None:
     chosen = choose_names(names, ["0050"], None)
     assert set(names) - set(chosen) == {f"{i:04d}" for i in range(45, 56)}
     assert len(choose_names(names, ["0050"], 10)) == 10
+
+
+def test_neighbours_are_told_by_the_number_that_a_name_ends_in() -> None:
+    names = ["0001", "0006", "0007", "hall_1", "hall_6", "hall_7", "attic_1", "attic", "kitchen"]
+    near = dict(zip(names, is_near(names, ["0001", "hall_01", "kitchen"]), strict=True))
+    assert {name for name, one in near.items() if one} == {"0001", "0006", "hall_1", "hall_6", "kitchen"}
+    assert choose_names(names, ["kitchen"], None) == names[:-1]
+    assert not is_near(names, []).any()

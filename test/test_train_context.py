@@ -57,7 +57,7 @@ def trained(folder: Folder, tmp_path_factory: pytest.TempPathFactory) -> tuple[P
     """Return two files, written by two calls."""
     paths = tmp_path_factory.mktemp("models") / "a.npz", tmp_path_factory.mktemp("models") / "b.npz"
     for path in paths:
-        train_context(*folder, path, CONFIG, (40,), settings=SETTINGS, folds=2, facts={"date": "2013-12-01"})
+        train_context(*folder, path, CONFIG, ("0040",), settings=SETTINGS, folds=2, facts={"date": "2013-12-01"})
     return paths
 
 
@@ -82,14 +82,17 @@ def test_the_model_learned_something_about_a_frame_held_out(folder: Folder, trai
     assert structure_error(table, context, every) < 0.8 * structure_error(table, majority, every)
 
 
-def test_a_cache_of_the_table_gives_the_same_model(folder: Folder, tmp_path: Path) -> None:
-    source, rooms = folder
+def test_without_depth_a_model_of_colour_is_learned(folder: Folder, tmp_path: Path) -> None:
     config, settings = replace(CONFIG, use_depth=False), replace(SETTINGS, synthetic_frames=0)
-    cache = tmp_path / "table.npz"
-    for name in ("a.npz", "b.npz"):
-        train_context(source, rooms, tmp_path / name, config, settings=settings, cache=cache)
-        assert cache.exists()
-    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    model, table = train_context(*folder, tmp_path / "rgb.npz", config, settings=settings)
+    assert load_context(tmp_path / "rgb.npz").card["depth"] is False
+    assert (table.variant == 0).all(), "depth that is not used cannot be degraded"
+    assert 0 < len(model.names) < len(names_with_depth(folder))
+
+
+def names_with_depth(folder: Folder) -> tuple[str, ...]:
+    source, rooms = folder
+    return collect_table(good_samples(source.subset(("0010",))), rooms, CONFIG, degraded_every=0).names
 
 
 def test_every_second_frame_comes_again_with_other_depth(folder: Folder) -> None:
@@ -101,15 +104,15 @@ def test_every_second_frame_comes_again_with_other_depth(folder: Folder) -> None
 
 
 def test_folds_are_blocks_apart_and_synthetic_frames_have_their_own() -> None:
-    frame = np.array([1, 2, 8, 20, 21, 30, SYNTHETIC_FIRST, SYNTHETIC_FIRST + 1, SYNTHETIC_FIRST + 9])
-    folds = list(block_folds(frame, 2, 5))
+    frame = np.array([1, 2, 8, 20, 21, 30, SYNTHETIC_FIRST, SYNTHETIC_FIRST + 1, SYNTHETIC_FIRST + 6])
+    folds = list(block_folds(frame, 2))
     assert (folds[0][1] | folds[1][1]).all()
     assert not (folds[0][1] & folds[1][1]).any()
     assert folds[0][1].tolist() == [True, True, True, False, False, False, True, True, False]
     for train, validate in folds:
         assert np.abs(frame[train][:, None] - frame[validate]).min() > 5
-    # the margin keeps synthetic neighbours apart too
-    assert not folds[1][0][7] or abs(frame[7] - frame[8]) > 5
+    # the margin keeps synthetic neighbours apart too: of the last, five numbers away and six
+    assert folds[1][0][6:].tolist() == [True, False, False]
 
 
 def test_random_rooms_are_the_same_for_every_count_and_differ_by_seed() -> None:

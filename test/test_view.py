@@ -52,13 +52,12 @@ NEEDS_DEPTH = {"depth", "cues", "planes", "support", "top-down"}
 def test_every_stage_is_a_picture_of_the_frames_size(sample: Sample, with_depth: bool) -> None:
     frame = sample.frame if with_depth else sample.frame.without_depth()
     look = look_at(frame, LayoutEstimator())
-    for name in STAGES:
-        image = draw_stage(name, look)
-        if image is None:
-            assert name in ("furniture", "scene", "behind") or (name in NEEDS_DEPTH and not with_depth), name
-            continue
-        assert image.shape == (480, 640, 3), name
-        assert image.dtype == np.uint8, name
+    drawn = {name: draw_stage(name, look) for name in STAGES}
+    assert {name for name, image in drawn.items() if image is None} == (set() if with_depth else NEEDS_DEPTH)
+    for name, image in drawn.items():
+        if image is not None:
+            assert image.shape == (480, 640, 3), name
+            assert image.dtype == np.uint8, name
 
 
 def test_evidence_shown_is_the_estimators(sample: Sample) -> None:

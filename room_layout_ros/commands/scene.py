@@ -30,7 +30,7 @@ from room_layout_ros.core.scene_network import SceneNetwork, load_network, save_
 from room_layout_ros.datasets import DataError, FramesFolder, good_samples, open_source
 from room_layout_ros.learning.fingerprint import fingerprint
 from room_layout_ros.learning.fit_frame import read_fits
-from room_layout_ros.learning.folds import MARGIN
+from room_layout_ros.learning.folds import MARGIN, is_near_block
 from room_layout_ros.learning.origin import origin
 from room_layout_ros.learning.scene_errors import scene_errors
 from room_layout_ros.learning.scene_examples import SceneExamples, collect_examples, join_examples
@@ -119,7 +119,7 @@ def _train(
     file, backbone = SCENE_FILE if fold is None else fold.file, arguments.backbone or backbone_file()
     use = np.ones(len(real.number), bool)
     if fold is not None:
-        use = (real.number < fold.first - MARGIN) | (real.number > fold.last + MARGIN)
+        use = ~is_near_block(real.number, fold.first, fold.last)
     examples = real.subset(use)
     if synthetic is not None:
         rooms = np.arange(round(len(synthetic.number) * use.mean()))  # as large a share as among all frames

@@ -35,7 +35,7 @@ from room_layout_ros.learning import train
 from room_layout_ros.learning.context import RGB_SETTINGS, ContextSettings, train_context, train_furniture
 from room_layout_ros.learning.example_store import ExampleRef, ExampleStore
 from room_layout_ros.learning.fit_frame import read_fits
-from room_layout_ros.learning.folds import folds_of, frame_numbers
+from room_layout_ros.learning.folds import folds_of
 from room_layout_ros.learning.origin import origin
 from room_layout_ros.learning.scene_folds import read_folds
 from room_layout_ros.learning.structured_svm import SvmConfig, SvmProgress, SvmResult
@@ -163,13 +163,12 @@ class _Run:
     def classify(self, rooms: dict[str, RoomCuboid], held_out: tuple[str, ...], facts: dict[str, Any]) -> list[Path]:
         """Grow the forests that ship: of the frames, degraded ones and rendered rooms."""
         paths = [self.path("context"), self.path("furniture")]
-        numbers = tuple(frame_numbers(held_out))
         about = {key: facts[key] for key in ("data", "command", "date")}
         settings, networks = self.config.context, self.place.networks
         # Without --frames those that no room was fitted to teach too: structure from clutter
         source = self.source if self.arguments.frames is None else self.source.subset(tuple(rooms))
         _, table = train_context(
-            source, rooms, paths[0], self.place.config, numbers,
+            source, rooms, paths[0], self.place.config, held_out,
             settings=settings, folds=self.arguments.validate, facts=about, progress=_say, networks=networks,
         )  # fmt: skip
         train_furniture(table, paths[1], facts=about)

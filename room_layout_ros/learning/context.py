@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from ..datasets.folder import FramesFolder
 from ..datasets.sample import good_samples
 from ..datasets.synthetic import NOISES
 from .context_table import SYNTHETIC_FIRST, ContextTable, collect_table, join_tables
+from .folds import MARGIN, is_near, is_near_block
 from .scene_folds import SceneFolds
 from .synthetic_frames import random_frames
 
@@ -64,10 +65,8 @@ def train_context(
     rooms: Mapping[str, RoomCuboid],
     out: Path,
     config: EstimatorConfig,
-    held_out: tuple[int, ...] = (),
-    margin: int = 5,
+    held_out: Sequence[str] = (),
     settings: ContextSettings | None = None,
-    cache: Path | None = None,
     folds: int = 0,
     facts: Mapping[str, Any] | None = None,
     progress: Callable[[str], None] = lambda _: None,
@@ -83,29 +82,23 @@ def train_context(
     rooms : fitted rooms by frame name (`learning.fit_frame.read_fits`), for the names of walls.
     out : file to write (.npz).
     config : `use_depth` False trains the RGB variant.
-    held_out : numbers of frames to keep out, with all frames within `margin` of them.
+    held_out : names of frames to keep out, with their neighbours (`folds.is_near`).
     settings : by default those that ship.
-    cache : file for the table of features, reused when it exists.
     folds : of the cross-validation whose errors go on the card, 0 for none; takes `folds` times as long.
     facts : more for the card (command, date).
     networks : scene networks whose features to add.
     """
     settings = settings or (ContextSettings() if config.use_depth else RGB_SETTINGS)
-    if cache is not None and cache.exists():
-        table = ContextTable.load(cache)
-    else:
-        names = tuple(name for name in source.names if not _near(name, held_out, margin))
-        progress(f"features of {len(names)} frames and {settings.synthetic_frames} synthetic ones")
-        table = context_examples(source.subset(names), rooms, config, settings, networks)
-        if cache is not None:
-            table.save(cache)
+    names = tuple(name for name, near in zip(source.names, is_near(source.names, held_out), strict=True) if not near)
+    progress(f"features of {len(names)} frames and {settings.synthetic_frames} synthetic ones")
+    table = context_examples(source.subset(names), rooms, config, settings, networks)
     card: dict[str, Any] = {
         "frames": len(np.unique(table.frame[table.variant >= 0])),
         "synthetic": len(np.unique(table.frame[table.variant < 0])),
         "superpixels": len(table.frame),
         "source": source.path.name,
-        "held_out": [int(n) for n in held_out],
-        "margin": margin,
+        "held_out": list(held_out),
+        "margin": MARGIN,
         "depth": config.use_depth,
         "settings": {name: getattr(settings, name) for name in settings.__slots__},
         **(facts or {}),
@@ -113,7 +106,7 @@ def train_context(
     if folds:
         progress(f"cross-validation in {folds} folds")
         card["folds"] = folds
-        card["cross_validation"] = domain_errors(table, out_of_fold(table, settings, folds, margin))
+        card["cross_validation"] = domain_errors(table, out_of_fold(table, settings, folds))
     progress(f"growing trees on {len(table.frame)} superpixels")
     model = grow(table, np.ones(len(table.frame), bool), settings)
     model = ContextModel(model.names, model.structure, model.face, card)
@@ -154,10 +147,6 @@ def domain_errors(table: ContextTable, probability: NDArray[np.float64]) -> dict
         if (rows & done & named).any():
             errors[name]["labels"] = round(100.0 * label_error(table, probability, rows & done), 2)
     return errors
-
-
-def _near(name: str, held_out: tuple[int, ...], margin: int) -> bool:
-    return name.isdigit() and any(abs(int(name) - n) <= margin for n in held_out)
 
 
 def grow(table: ContextTable, rows: NDArray[np.bool_], settings: ContextSettings) -> ContextModel:
@@ -240,10 +229,8 @@ def export_forest(classifier: Any, outputs: int) -> Forest:
     )
 
 
-def block_folds(
-    frame: NDArray[np.int64], folds: int, margin: int
-) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
-    """Yield (train, validate) row masks: contiguous blocks of frame numbers, `margin` numbers apart.
+def block_folds(frame: NDArray[np.int64], folds: int) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
+    """Yield (train, validate) row masks: contiguous blocks of frame numbers, `folds.MARGIN` numbers apart.
 
     Synthetic frames are blocks of their own: each fold has its share of both kinds.
     """
@@ -255,16 +242,14 @@ def block_folds(
         for block in blocks:
             if len(block):
                 validate |= (frame >= block[0]) & (frame <= block[-1])
-                train &= (frame < block[0] - margin) | (frame > block[-1] + margin)
+                train &= ~is_near_block(frame, int(block[0]), int(block[-1]))
         yield train, validate
 
 
-def out_of_fold(
-    table: ContextTable, settings: ContextSettings | None = None, folds: int = 4, margin: int = 5
-) -> NDArray[np.float64]:
+def out_of_fold(table: ContextTable, settings: ContextSettings | None = None, folds: int = 4) -> NDArray[np.float64]:
     """(n, 6) probabilities of each row from forests that have not seen its frame or a neighbour of it."""
     probability = np.full((len(table.frame), N_LABELS), np.nan)
-    for train, validate in block_folds(table.frame, folds, margin):
+    for train, validate in block_folds(table.frame, folds):
         model = grow(table, train, settings or ContextSettings())
         rows = SuperpixelFeatures(np.ascontiguousarray(table.features[validate]), table.names)
         probability[validate] = compute_geometric_context(rows, model)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,18 +46,6 @@ class ContextTable:
     def pixels(self) -> NDArray[np.float32]:
         """(n,) labelled pixels of each superpixel."""
         return self.classes[:, 1:].sum(axis=1)
-
-    def save(self, path: Path) -> None:
-        """Keep the table in a cache file (.npz, no pickle)."""
-        arrays = {name: getattr(self, name) for name in self.__slots__ if name != "names"}
-        np.savez(path, names=np.array(self.names), **arrays)
-
-    @classmethod
-    def load(cls, path: Path) -> ContextTable:
-        """Read a cache file of `save`."""
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files if name != "names"}
-            return cls(names=tuple(str(name) for name in archive["names"]), **arrays)
 
 
 SYNTHETIC_FIRST = 1_000_000

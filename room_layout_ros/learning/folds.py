@@ -2,17 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 MARGIN = 5
 """Frames whose numbers differ by this or less may show the same room (docs/data.md)."""
+_NUMBERED = re.compile(r"(.*?)(\d*)", re.DOTALL | re.ASCII)
 
 
 def frame_numbers(names: Sequence[str]) -> list[int]:
     """Return the numbers of frames by which neighbours are told: the names where they are numbers, else the order."""
     return [int(name) if name.isdigit() else i for i, name in enumerate(names)]
+
+
+def is_near(names: Sequence[str], others: Collection[str]) -> NDArray[np.bool_]:
+    """Return of each name whether it is one of the others or within `MARGIN` numbers of one.
+
+    A frame's number is what its name ends in; frames are neighbours only where all before it is equal. A name without
+    a number has no neighbours.
+    """
+    known, numbers = set(others), dict[str, list[int]]()
+    for name in others:
+        stem, number = _split(name)
+        if number is not None:
+            numbers.setdefault(stem, []).append(number)
+
+    def near(name: str) -> bool:
+        stem, number = _split(name)
+        return name in known or (number is not None and any(abs(number - n) <= MARGIN for n in numbers.get(stem, ())))
+
+    return np.array([near(name) for name in names], bool)
+
+
+def _split(name: str) -> tuple[str, int | None]:
+    stem, digits = _NUMBERED.fullmatch(name).groups()  # type: ignore[union-attr]
+    return stem, int(digits) if digits else None
+
+
+def is_near_block(numbers: NDArray[np.int64], first: int, last: int) -> NDArray[np.bool_]:
+    """Return of each frame number whether it is in the block first..last or within `MARGIN` of it."""
+    return (numbers >= first - MARGIN) & (numbers <= last + MARGIN)
 
 
 def number_blocks(numbers: Sequence[int], count: int) -> list[tuple[int, int]]:
@@ -36,8 +68,7 @@ def folds_of(names: Sequence[str], folds: int) -> Iterator[tuple[list[int], list
     ValueError
         As `number_blocks`.
     """
-    numbers = np.array(frame_numbers(names))
+    numbers = np.array(frame_numbers(names), np.int64)
     for first, last in number_blocks(numbers.tolist(), folds):
         held = (numbers >= first) & (numbers <= last)
-        near = (numbers >= first - MARGIN) & (numbers <= last + MARGIN)
-        yield np.flatnonzero(~near).tolist(), np.flatnonzero(held).tolist()
+        yield np.flatnonzero(~is_near_block(numbers, first, last)).tolist(), np.flatnonzero(held).tolist()

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..parallel import Spread
-from .fingerprint import fingerprint
 
 Example = TypeVar("Example")
 ExampleIn = TypeVar("ExampleIn", contravariant=True)
@@ -59,29 +58,6 @@ class Separator(Protocol):
 
     def separate(self, weights: NDArray[np.float64], indices: Sequence[int] | None = None) -> list[Separation]:
         """Return the separations of the examples with these indices (None: all)."""
-
-
-@dataclass(frozen=True, slots=True)
-class LocalSeparator(Generic[Example]):
-    """Examples in memory, asked one after another in this process."""
-
-    oracle: Oracle[Example]
-    examples: Sequence[Example]
-
-    @property
-    def count(self) -> int:
-        """Number of examples."""
-        return len(self.examples)
-
-    @property
-    def fingerprint(self) -> str:
-        """Of the contents of the examples and the settings of the oracle."""
-        return fingerprint(self.oracle, *self.examples)
-
-    def separate(self, weights: NDArray[np.float64], indices: Sequence[int] | None = None) -> list[Separation]:
-        """Return the separations of the examples with these indices (None: all)."""
-        chosen = range(self.count) if indices is None else indices
-        return [self.oracle(weights, self.examples[i]) for i in chosen]
 
 
 @dataclass(frozen=True, slots=True)

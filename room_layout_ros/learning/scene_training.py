@@ -16,7 +16,6 @@ from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from ..core.labels import LEFT_WALL, N_FACES, N_LABELS, RIGHT_WALL
 from ..core.scene_layers import N_CLASSES
-from ..core.scene_network import SceneScores
 from .scene_augmentation import Augmentation, SceneBatch, make_batch
 from .scene_examples import SOME_WALL, SceneExamples
 from .scene_model import SceneModel, load_backbone
@@ -181,16 +180,6 @@ def _label_loss(scores: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     wall = torch.logsumexp(log_probability[:, _WALLS], dim=1)
     right = torch.where(named, own, torch.where(truth == SOME_WALL, wall, 0.0))
     return -right.sum() / (truth > 0).sum().clamp(min=1)
-
-
-def scene_scores(model: SceneModel, examples: SceneExamples) -> list[SceneScores]:
-    """Scores of the recorded views."""
-    found = []
-    with torch.no_grad():
-        for i in range(len(examples.number)):
-            batch = make_batch(examples.subset(np.array([i])), None, np.random.default_rng(0))
-            found.append(SceneScores(model(_tensor(batch.inputs))[0].numpy()))
-    return found
 
 
 def _tensor(inputs: NDArray[np.float32]) -> torch.Tensor:

@@ -22,7 +22,7 @@ from ..parallel import Spread
 from .example_store import ExampleRef, ExampleStore
 from .fingerprint import fingerprint
 from .fit_frame import FitJob, fit_item, read_line
-from .folds import MARGIN, frame_numbers
+from .folds import is_near
 from .frames_apart import FrameAt, frames_apart
 from .joint_examples import FrameDescription, build_example, describe
 from .joint_oracle import JointOracle, Judged, judge
@@ -156,9 +156,7 @@ def _build_one(
 
 def choose_names(names: Sequence[str], held_out: Sequence[str], limit: int | None) -> list[str]:
     """Return the names to learn from: none held out or within `MARGIN` of such, at most `limit`, evenly spread."""
-    held = np.array(frame_numbers(held_out), int)
-    numbers = frame_numbers(names)
-    far = [n for n, number in zip(names, numbers, strict=True) if not (np.abs(held - number) <= MARGIN).any()]
+    far = [name for name, near in zip(names, is_near(names, held_out), strict=True) if not near]
     if limit is None or len(far) <= limit:
         return far
     return [far[i] for i in np.linspace(0, len(far) - 1, limit).round().astype(int)]
