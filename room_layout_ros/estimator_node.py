@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.utilities import ok, try_shutdown
 
 from .core.estimator import LayoutEstimator
-from .ros_process import BAD_SETTINGS, join, sentence
+from .ros_process import BAD_SETTINGS, join, sentence, unknown_remaps
 from .settings import MakeEstimator
 from .shell import Shell
 
@@ -41,6 +41,9 @@ class EstimatorLifecycleNode(LifecycleNode):
 
     def __init__(self, make_estimator: MakeEstimator = LayoutEstimator, **options: Any) -> None:
         super().__init__(NODE_NAME, **options)
+        if options.get("enable_communication_interface", True):
+            self._answer_change_state = self._service_change_state.callback
+            self._service_change_state.callback = self._change_state
         self.shell = Shell(self, make_estimator)
         name = self.get_fully_qualified_name()
         self.get_logger().info(f"waits to be configured: ros2 lifecycle set {name} configure; then activate")
@@ -72,6 +75,18 @@ class EstimatorLifecycleNode(LifecycleNode):
     def close(self) -> bool:
         """End the worker; False if it is still inside a frame."""
         return self.shell.cleanup()
+
+    def _change_state(self, request: Any, response: Any) -> Any:
+        """Answer the service. rclpy lets the exception of an illegal transition out, and then nobody answers."""
+        try:
+            return self._answer_change_state(request, response)
+        except Exception as error:  # noqa: BLE001
+            asked, state = request.transition, self._state_machine.current_state[1]
+            self.get_logger().warning(
+                f"transition {asked.label or asked.id} is not possible from {state}: {sentence(error)}"
+            )
+            response.success = False
+            return response
 
     def _transition(self, work: Callable[[], Any]) -> TransitionCallbackReturn:
         try:
@@ -120,6 +135,8 @@ def _work(make_node: Callable[[], Any], args: Sequence[str] | None) -> tuple[int
             return 0, False
         print(f"{NODE_NAME}: {sentence(error)}", file=sys.stderr)
         return 2, True
+    for warning in unknown_remaps(node, sys.argv if args is None else args, node.shell.topics()):
+        node.get_logger().warning(warning)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:

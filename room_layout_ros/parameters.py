@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -19,6 +19,7 @@ _OF_ROS = ("qos_overrides.",)
 """Parameters that rclpy declares later, with the topics."""
 
 _INT_MAX = 2**31 - 1
+_LONGEST_NAME = 120
 
 
 def describe(parameter: Parameter) -> ParameterDescriptor:
@@ -74,6 +75,18 @@ def refuse_unknown(node: Node) -> None:
     hint = nearest_name(unknown[0], known, "`ros2 param list` and docs/parameters.md have all of them")
     more = f" (and {len(unknown) - 1} more)" if len(unknown) > 1 else ""
     raise ValueError(f"{clean_text(unknown[0])} is no parameter of this node{more}; {hint}")
+
+
+def unknown_overrides(node: Node, known: Iterable[str]) -> Iterator[str]:
+    """Yield a sentence for each `qos_overrides` given at the start that is neither known nor declared.
+
+    They are not refused: their names hold that of a topic, so that one file may have those of several nodes.
+    """
+    names = sorted(known)
+    for name in sorted(node._parameter_overrides):
+        if name.startswith(_OF_ROS) and name not in names and not node.has_parameter(name):
+            hint = nearest_name(name, names, "docs/parameters.md says what may stand there")
+            yield f"{clean_text(name, _LONGEST_NAME)} changes nothing: it is of no topic or policy of this node; {hint}"
 
 
 def read(node: Node, table: type[Table]) -> Table:

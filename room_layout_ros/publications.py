@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 from rclpy.exceptions import InvalidHandle
-from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.qos import QoSDurabilityPolicy, QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from msg_adapters import messages
@@ -18,6 +18,17 @@ from .scene import Scene
 
 LABEL_NAMES_TOPIC = "~/label_names"
 DIAGNOSTICS_TOPIC = "/diagnostics"
+
+_POLICIES = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
+"""What may be overridden of an output. Durability, because a reader that asks for the last grid, as of a map, gets
+nothing of a publisher that does not keep it."""
+
+
+def overrides(node: Any) -> list[str]:
+    """Return the names of the parameters that override the QoS of the outputs, which are declared with these."""
+    policies = [policy.name.lower() for policy in _POLICIES]
+    topics = [node.resolve_topic_name(output.topic) for output in OUTPUTS]
+    return [f"qos_overrides.{topic}.publisher.{policy}" for topic in topics for policy in policies]
 
 
 class Sent(NamedTuple):
@@ -40,7 +51,7 @@ class Publications:
         self._closed = False
         self._made: list[Any] = []
         try:
-            overridable = QoSOverridingOptions.with_default_policies()
+            overridable = QoSOverridingOptions(_POLICIES)
             self._outputs = [
                 (o, self._make(o.message, o.topic, o.depth, qos_overriding_options=overridable)) for o in OUTPUTS
             ]

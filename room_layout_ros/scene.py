@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .core.config import EstimatorConfig
 from .core.cuboids import ObjectCuboid, compute_object_cuboids
@@ -19,11 +20,16 @@ from .node_config import NodeConfig
 
 _LEAST_PIXELS = 500
 _STRIDE = 4
-_BELOW_M, _BELOW_RAD = 0.15, np.deg2rad(6.0)
-"""What is measured deeper below the given floor than this, and than this angle, is below any floor that depth would
-take for the given one (core/floor_plane.py)."""
+_NEAR_M, _NEAR_RAD = 0.15, np.deg2rad(6.0)
+"""What is measured farther from the given floor than this, and than this angle, is another (core/floor_plane.py)."""
 _BELOW_SHARE = 0.05
 """Of the measured pixels; noise and mirrors are less."""
+_REACH_M = 5.0
+_EXPECTED_SHARE = 0.15
+"""Of the image, in which floor is expected within reach: few pixels may lie behind anything."""
+_ON_M, _ON_RAD = 0.05, np.deg2rad(1.5)
+_ON_FLOOR_SHARE = 0.5
+"""Of those pixels. Of a wrong floor up to a third are near it by chance, where walls run through it."""
 
 
 @dataclass(frozen=True)
@@ -59,16 +65,47 @@ class Scene:
             return False
         seen = np.count_nonzero((self.estimate.labels == FLOOR) & (self.geometry.inverse_depth > 0))
         least = max(self.estimator.floor_min_share * self.estimate.labels.size, _LEAST_PIXELS)
-        return bool(seen >= least) or self._sees_through(self.geometry)
+        return bool(seen >= least) or self._sees_through
 
-    def _sees_through(self, geometry: DepthGeometry) -> bool:
-        if self.floor is None or not np.isfinite(self.floor.distance_m):
+    @cached_property
+    def hides_floor(self) -> bool:
+        """Whether depth is measured in much of the view of the given floor, and most of it is none.
+
+        Things may stand before it, for a while; where floor never shows, it is not where it is said to be.
+        """
+        if self._over_floor is None:
             return False
-        points = geometry.points(_STRIDE).reshape(-1, 3)
-        points = points[np.isfinite(points[:, 2])].astype(np.float64)
-        height_m = self.floor.distance_m - points @ self.floor.normal
-        below = np.count_nonzero(height_m < -(_BELOW_M + np.tan(_BELOW_RAD) * points[:, 2]))
-        return bool(below * _STRIDE**2 >= _LEAST_PIXELS and below >= _BELOW_SHARE * len(points))
+        height_m, depth_m, floor_m = self._over_floor
+        expected = (floor_m > 0.0) & (floor_m < _REACH_M)
+        on_floor = np.count_nonzero(np.abs(height_m[expected]) < _ON_M + np.tan(_ON_RAD) * depth_m[expected])
+        number = np.count_nonzero(expected) * _STRIDE**2
+        return bool(
+            number >= _EXPECTED_SHARE * self.estimate.labels.size and on_floor * _STRIDE**2 < _ON_FLOOR_SHARE * number
+        )
+
+    @cached_property
+    def _sees_through(self) -> bool:
+        """Whether so much is measured below the given floor that there is none."""
+        if self._over_floor is None:
+            return False
+        height_m, depth_m, _ = self._over_floor
+        below = np.count_nonzero(height_m < -(_NEAR_M + np.tan(_NEAR_RAD) * depth_m))
+        return bool(below * _STRIDE**2 >= _LEAST_PIXELS and below >= _BELOW_SHARE * len(height_m))
+
+    @cached_property
+    def _over_floor(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+        """Of a grid of measured pixels: height over the given floor, depth, and that of the floor along the ray.
+
+        The last is below 0 where the ray meets none. None without depth or a floor that is given whole.
+        """
+        if self.geometry is None or self.floor is None or not np.isfinite(self.floor.distance_m):
+            return None
+        points = self.geometry.points(_STRIDE).reshape(-1, 3).astype(np.float64)
+        points = points[np.isfinite(points[:, 2])]
+        along, depth_m = points @ self.floor.normal, points[:, 2]
+        with np.errstate(divide="ignore"):
+            floor_m = self.floor.distance_m / along * depth_m
+        return self.floor.distance_m - along, depth_m, floor_m
 
     @cached_property
     def objects(self) -> tuple[ObjectCuboid, ...]:

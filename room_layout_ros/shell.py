@@ -21,7 +21,8 @@ from .core.config import EstimatorConfig
 from .floor_pose import FloorPose
 from .inputs import read_camera, read_image, transport_of
 from .node_config import NodeConfig
-from .publications import Publications
+from .outputs import OUTPUTS
+from .publications import LABEL_NAMES_TOPIC, Publications, overrides
 from .reporter import Reporter, dds_profile
 from .runtime.diagnosis import InputFacts, NodeFacts
 from .runtime.session import CAMERA, CAMERAS, DEPTH_CAMERA, IMU, JUMP, EstimatorSession, RefusedError
@@ -56,6 +57,8 @@ class Shell:
         self._transforms = Transforms(node)
         self._floor_pose = FloorPose(self._transforms.find)
         self._inputs = Subscriptions(node, self._guard, self._on_message, self._on_imu, self._on_lost)
+        for sentence in parameters.unknown_overrides(node, [*self._inputs.overrides(), *overrides(node)]):
+            node.get_logger().warning(sentence)
         node.add_on_set_parameters_callback(self._check_parameters)
         node.add_post_set_parameters_callback(self._apply_parameters)
         self._checked: tuple[dict[str, Any], Settings] | None = None
@@ -69,6 +72,10 @@ class Shell:
             JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False),
             post_callback=self._on_clock_jump,
         )
+
+    def topics(self) -> list[str]:
+        """Return the node's own topics, as they are given to ROS."""
+        return [*self._inputs.names(), *(output.topic for output in OUTPUTS), LABEL_NAMES_TOPIC]
 
     # ---- states
 

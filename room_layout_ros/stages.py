@@ -161,5 +161,11 @@ def _floor_outcome(scene: Scene) -> FloorOutcome:
     if space is None:
         missing = NO_FLOOR if scene.floor is None else NO_LEVEL_FLOOR  # with a height it would have been kept
         return FloorOutcome("", missing, frame=scene.floor_frame)
-    confirmed = space.source.endswith("+depth") or not scene.denies_floor
-    return FloorOutcome(space.source, confirmed=confirmed, frame=scene.floor_frame)
+    seen = space.source.endswith("+depth")
+    return FloorOutcome(
+        space.source,
+        seen=seen,
+        confirmed=seen or not scene.denies_floor,
+        hidden=not seen and scene.hides_floor,
+        frame=scene.floor_frame,
+    )

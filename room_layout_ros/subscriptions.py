@@ -133,11 +133,19 @@ class Subscriptions:
         ends = [end for topic in _TF_TOPICS for end in self._node.get_publishers_info_by_topic(topic)]  # it remaps them
         return sum((end.node_namespace, end.node_name) != own for end in ends)
 
-    def topics(self) -> list[str]:
-        """Return the resolved name of every topic that the settings may ask for."""
+    def names(self) -> list[str]:
+        """Return the name, as it is given to ROS, of every topic that the settings may ask for."""
         kinds = [(stream, kind) for stream in INPUT_TOPICS for kind in TRANSPORTS.get(stream, ("raw",))]
-        names = [self._name(stream, kind) for stream, kind in kinds]
-        return list(dict.fromkeys(self._node.resolve_topic_name(name) for name in (*names, IMU_TOPIC)))
+        return [*(self._name(stream, kind) for stream, kind in kinds), IMU_TOPIC]
+
+    def topics(self) -> list[str]:
+        """Return these names resolved, each once."""
+        return list(dict.fromkeys(self._node.resolve_topic_name(name) for name in self.names()))
+
+    def overrides(self) -> list[str]:
+        """Return the names of the parameters that override the QoS of the inputs."""
+        policies = [policy for policy, _, _ in _OVERRIDES]
+        return [f"qos_overrides.{topic}.subscription.{policy}" for topic in self.topics() for policy in policies]
 
     def _topic(self, stream: str, settings: Settings) -> str:
         """Return the resolved name of the topic that is subscribed."""
@@ -166,9 +174,8 @@ class Subscriptions:
             When a value is no policy.
         """
         for topic in self.topics():
-            prefix = f"qos_overrides.{topic}.subscription"
             for policy, default, allowed in _OVERRIDES:
-                name = f"{prefix}.{policy}"
+                name = f"qos_overrides.{topic}.subscription.{policy}"
                 about = ParameterDescriptor(description=f"{policy} of the subscription", read_only=True)
                 value = self._node.declare_parameter(name, default, about).value
                 if allowed and value not in allowed:

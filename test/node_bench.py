@@ -29,7 +29,7 @@ from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.tracking import TemporalPrior
 from room_layout_ros.estimator_node import EstimatorNode
-from room_layout_ros.inputs import INPUT_TOPICS
+from room_layout_ros.inputs import INPUT_TOPICS, TRANSPORTS
 from room_layout_ros.runtime.pairing import COLOR, DEPTH
 from room_layout_ros.runtime.session import CAMERA, CAMERAS
 
@@ -92,11 +92,12 @@ class Bench:
         self.namespace, self._estimator = namespace, estimator
         self.estimators: list[Any] = []
         # Reliable, so that a test that sends one message knows that it comes; test_node_processes uses best effort.
-        reliable = {
-            f"qos_overrides.{namespace}/{topic}{transport}.subscription.reliability": "reliable"
-            for topic in INPUT_TOPICS.values()
-            for transport in ("", "/compressed", "/compressedDepth")
+        topics = {
+            topic if kind == "raw" else f"{topic}/{kind}"
+            for stream, topic in INPUT_TOPICS.items()
+            for kind in TRANSPORTS.get(stream, ("raw",))
         }
+        reliable = {f"qos_overrides.{namespace}/{topic}.subscription.reliability": "reliable" for topic in topics}
         overrides = {"no_data_timeout": 1.0, "diagnostics_period": 0.1, **reliable, **values}
         self.node = make_node(
             make_estimator=self._make_estimator,

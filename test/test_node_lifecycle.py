@@ -11,6 +11,8 @@ import pytest
 
 pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
 
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from node_bench import Bench, GatedEstimator, running
 from rclpy.lifecycle import TransitionCallbackReturn
 
@@ -161,6 +163,27 @@ def test_f38_an_illegal_transition_is_refused_and_changes_nothing(bench: Bench) 
     assert bench.node._state_machine.current_state[1] == "unconfigured"
     trigger(bench, "configure")
     trigger(bench, "activate")
+
+
+def test_f38_an_illegal_transition_by_the_service_is_answered_with_no(
+    bench: Bench, capfd: pytest.CaptureFixture[str]
+) -> None:
+    client = bench.other.create_client(ChangeState, "estimator/change_state")
+    bench.until(client.service_is_ready)
+
+    def asked(number: int, label: str = "") -> bool:
+        answer = client.call_async(ChangeState.Request(transition=Transition(id=number, label=label)))
+        bench.until(answer.done)
+        return bool(answer.result().success)
+
+    assert not asked(Transition.TRANSITION_ACTIVATE)
+    assert not asked(99)
+    assert not asked(0, "fly")
+    assert "transition 3 is not possible from unconfigured" in capfd.readouterr().err
+    assert asked(Transition.TRANSITION_CONFIGURE)
+    assert not asked(Transition.TRANSITION_CONFIGURE)
+    assert bench.node._state_machine.current_state[1] == "inactive"
+    assert asked(0, "activate")
 
 
 def test_f38_a_failing_configure_is_logged_and_can_be_repeated(

@@ -286,6 +286,19 @@ def test_what_ros_and_launch_files_give_at_the_start_is_taken(repository: Path) 
         end_in_time(node, signal.SIGINT)
 
 
+def test_f33_a_misspelt_remapping_is_a_warning_at_the_start_and_one_of_two_inputs_to_one_topic_is_none(
+    repository: Path,
+) -> None:
+    rules = ("rgb/camera_info:=/depth/camera_info", "rgb/image_rect_colour:=/camera/image")
+    given = [word for rule in rules for word in ("-r", rule)]
+    with python(repository, *NODE, *given) as node:
+        said = read_until(node, "warm after")
+        end_in_time(node, signal.SIGINT)
+    (line,) = [line for line in said.splitlines() if "changes nothing" in line]
+    assert "[WARN]" in line
+    assert line.endswith("the nearest name is rgb/image_rect_color")
+
+
 def test_f33_a_missing_parameter_file_is_a_sentence_and_exit_code_2(repository: Path) -> None:
     with python(repository, *NODE, "--params-file", "/nowhere/estimator.yaml") as node:
         said = rest(node, 30)

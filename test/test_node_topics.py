@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
 
 from dds_player import camera_info
-from node_bench import Bench, running
+from node_bench import Bench, QuickEstimator, running
+from rclpy.context import Context
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from room_frames import stamp_ns
 
 from msg_adapters import messages
 from room_layout_ros.estimator_node import EstimatorNode
+from room_layout_ros.ros_process import unknown_remaps
 
 pytestmark = pytest.mark.dds
 
@@ -135,3 +138,93 @@ def test_f03_a_driver_that_does_not_latch_is_no_clash(capfd: pytest.CaptureFixtu
         assert not bench.said("input camera_info", "QoS")
         assert bench.health().streams["camera_info"].received == 1
     assert "incompatible QoS" not in capfd.readouterr().err
+
+
+FREE_SPACE = "estimator/free_space"
+
+
+@pytest.mark.parametrize("durability", ("transient_local", "volatile"))
+def test_the_grid_can_be_kept_for_readers_that_come_late(durability: str) -> None:
+    """A map consumer (Nav2's StaticLayer, RViz's map) asks for a grid that was sent before it came."""
+
+    def make(**options: Any) -> Any:
+        name = f"qos_overrides.{options['namespace']}/{FREE_SPACE}.publisher.durability"
+        options["parameter_overrides"].append(Parameter(name, value=durability))
+        return EstimatorNode(**options)
+
+    with running(make, pose_source="parameters", camera_height=1.3, camera_pitch_deg=6.0) as bench:
+        first = bench.listen(FREE_SPACE, messages.OccupancyGrid)
+        bench.until_subscribed()
+        bench.send(0)
+        bench.until(lambda: bench.heard[FREE_SPACE], 60.0)  # where it compiles
+        bench.other.destroy_subscription(first)
+        bench.heard[FREE_SPACE].clear()
+        bench.listen(FREE_SPACE, messages.OccupancyGrid, LATCHED)
+        if durability == "volatile":
+            bench.spin(1.0)
+            assert not bench.heard[FREE_SPACE]
+        else:
+            bench.until(lambda: bench.heard[FREE_SPACE])
+
+
+def warnings(capfd: pytest.CaptureFixture[str]) -> list[str]:
+    return [line for line in capfd.readouterr().err.splitlines() if "changes nothing" in line]
+
+
+def test_f33_an_override_of_a_topic_or_policy_that_is_none_is_a_warning_with_the_nearest_name(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    def make(**options: Any) -> Any:
+        prefix = f"qos_overrides.{options['namespace']}"
+        for name in ("/rgb/image_rect_colour.subscription.reliability", "/estimator/scan.publisher.liveliness"):
+            options["parameter_overrides"].append(Parameter(prefix + name, value="reliable"))
+        return EstimatorNode(**options)
+
+    with running(make) as bench:
+        own, topic = bench.namespace, "/rgb/image_rect_color.subscription.reliability"
+    colour, scan = sorted(warnings(capfd), key=lambda line: "scan" in line)
+    assert f"'qos_overrides.{own}/rgb/image_rect_colour.subscription.reliability' changes nothing" in colour
+    assert colour.endswith(f"the nearest name is qos_overrides.{own}{topic}")
+    assert f"the nearest name is qos_overrides.{own}/estimator/scan.publisher." in scan
+
+
+KNOWN = (
+    "rgb/camera_info:=/a",
+    "/rgb/camera_info:=/a",
+    "estimator:imu:=/b",
+    "__ns:=/x",
+    "/tf:=tf",
+    "~/labels:=/c",
+    "estimator/scan:=/scan",
+    "/diagnostics:=/d",
+    "rosservice://~/set_parameters:=/e",
+    "~/label_names:=/f",
+    "depth_registered/image_rect/compressedDepth:=/g",
+)
+NEAREST = "changes nothing: no topic or service of this node; the nearest name is"
+REMAPS = {
+    KNOWN: (),
+    ("rviz2:rgb/camera_nfo:=/a",): (),
+    ("rgb/image_rect_colour:=/a",): (f"'rgb/image_rect_colour:=/a' {NEAREST} rgb/image_rect_color",),
+    ("depth_registered/image:=/a",): (f"{NEAREST} depth_registered/image_rect",),
+    ("estimator:~/label:=/b", "xyzzy:=/c"): (f"{NEAREST} ~/labels", "node; docs/topics.md has all of them"),
+}
+"""Rules of a command line, and how the sentences about them end."""
+
+
+@pytest.mark.parametrize("rules", REMAPS)
+def test_f33_a_remapping_of_a_name_that_is_none_is_a_sentence_with_the_nearest(rules: tuple[str, ...]) -> None:
+    expected, quick = REMAPS[rules], cast("Any", QuickEstimator)
+    args = ["estimator", "--ros-args", *(word for rule in rules for word in ("-r", rule)), "--", "-r", "zzz:=/a"]
+    context = Context()
+    context.init(args=[])
+    try:
+        node = EstimatorNode(quick, context=context)
+        said = list(unknown_remaps(node, args, node.shell.topics()))
+        node.close()
+        node.destroy_node()
+    finally:
+        context.try_shutdown()
+    assert len(said) == len(expected)
+    for sentence, words in zip(said, expected, strict=True):
+        assert sentence.endswith(words), sentence

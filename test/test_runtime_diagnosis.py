@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from room_layout_ros.runtime.diagnosis import Finding, InputFacts, Level, NodeFacts, diagnose
-from room_layout_ros.runtime.health import NO_LEVEL_FLOOR, FloorOutcome, Health, StreamHealth
+from room_layout_ros.runtime.health import NO_LEVEL_FLOOR, FloorOutcome, Health, PairCount, StreamHealth
 from room_layout_ros.runtime.pairing import COLOR, DEPTH
 from room_layout_ros.runtime.session import CAMERA, IMU
 
@@ -334,6 +334,33 @@ def test_d03_a_tilt_along_which_no_floor_lies_is_asked_for_in_a_sentence(source:
     assert findings(facts=facts)["floor"].values["height"] == "taken from the depth: camera_height is 0 (not known)"
     given = findings(facts=replace(facts, no_height=""))["floor"]
     assert given.values["height"] == f"from {source}"
+
+
+def test_d03_a_floor_that_was_never_seen_though_depth_is_there_is_a_warning_after_a_while() -> None:
+    facts, last = replace(FACTS, floor="parameters"), FloorOutcome("parameters", hidden=True)
+    assert floor_of(facts=facts, floors=29, floors_hidden=29, last_floor=last) == (Level.OK, "floor from parameters")
+    level, words = floor_of(facts=facts, floors=30, floors_hidden=30, last_floor=last)
+    assert level == Level.WARN
+    assert words == (
+        "no floor has been seen yet where parameters expects it, in 30 frames with depth there; check height and tilt "
+        "of the camera (camera_height, camera_pitch_deg, camera_roll_deg), unless something hides the floor"
+    )
+    over = replace(BEFORE, floors=30)
+    assert floor_of(over, facts, floors=30, floors_hidden=30, last_floor=last)[0] == Level.OK, "nobody listens"
+
+
+def test_d03_a_floor_that_was_seen_once_may_be_hidden_until_the_settings_change() -> None:
+    count, hidden = PairCount(), FloorOutcome("tf", hidden=True)
+    for _ in range(3):
+        count.count_floor(hidden, 0)
+    assert count.snapshot({}, 0, 0).floors_hidden == 3
+    count.count_floor(FloorOutcome("tf+depth", seen=True), 0)
+    for _ in range(3):
+        count.count_floor(hidden, 0)
+    assert count.snapshot({}, 0, 0).floors_hidden == 0
+    count.forget_floor()
+    count.count_floor(hidden, 0)
+    assert count.snapshot({}, 0, 0).floors_hidden == 1
 
 
 def test_d03_a_floor_that_depth_denies_names_the_parameters_to_check() -> None:

@@ -324,7 +324,17 @@ def _floor_fault(health: Health, before: Health, facts: NodeFacts) -> tuple[str,
             f"depth does not confirm the floor where {facts.floor} expects it for {doubtful} of {asked} frames; "
             f"check height and tilt of the camera{_POSE_PARAMETERS.get(facts.floor, '')}"
         ), "floor not confirmed"
+    if health.floors_hidden >= _HIDDEN_FRAMES and (asked or _floor_lasts(health, before, facts)):
+        return (
+            f"no floor has been seen yet where {facts.floor} expects it, in {health.floors_hidden} frames with depth "
+            f"there; check height and tilt of the camera{_POSE_PARAMETERS.get(facts.floor, '')}, "
+            "unless something hides the floor"
+        ), "floor not seen yet"
     return "", ""
+
+
+_HIDDEN_FRAMES = 30
+"""A robot that starts in front of a wall should have turned by then."""
 
 
 _POSE_PARAMETERS = {

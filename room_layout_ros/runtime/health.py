@@ -52,13 +52,17 @@ class FloorOutcome:
     ----------
     source : of the plane, "+depth" behind it where depth refined it; "" without a floor.
     missing : why there was none; "" with a floor.
-    confirmed : False where depth shows that the floor does not lie where the source says.
+    seen : True where depth shows the floor where the source says, within what the source may be off.
+    confirmed : False where depth shows that the floor does not lie there.
+    hidden : True where much depth is measured in view of that floor and most of it is none.
     frame : name of the frame on the floor, of the outputs that lie there.
     """
 
     source: str
     missing: str = ""
+    seen: bool = False
     confirmed: bool = True
+    hidden: bool = False
     frame: str = ""
 
 
@@ -102,6 +106,8 @@ class Health:
     """Frames of which somebody wanted the floor: with one + sum(no_floor)."""
     no_floor: Mapping[str, int] = field(default_factory=dict)
     floors_not_confirmed: int = 0
+    floors_hidden: int = 0
+    """Frames whose floor something hid, as long as it was never seen with these settings."""
     last_floor: FloorOutcome | None = None
     """Of the last frame of which somebody wanted the floor."""
     floor_silence_s: float = float("inf")
@@ -147,6 +153,8 @@ class PairCount:
     floors: int = 0
     no_floor: Counter[str] = field(default_factory=Counter)
     floors_not_confirmed: int = 0
+    floors_hidden: int = 0
+    floor_seen: bool = False
     last_floor: FloorOutcome | None = None
     floor_rate: Rate = field(default_factory=Rate)
     rate: Rate = field(default_factory=Rate)
@@ -185,8 +193,14 @@ class PairCount:
         self.last_floor = outcome
         self.floor_rate.tick(now_ns)
         self.floors_not_confirmed += not outcome.confirmed
+        self.floor_seen |= outcome.seen
+        self.floors_hidden = 0 if self.floor_seen else self.floors_hidden + outcome.hidden
         if outcome.missing:
             self.no_floor[outcome.missing] += 1
+
+    def forget_floor(self) -> None:
+        """Forget whether floor was seen: the settings may say that it lies elsewhere now."""
+        self.floors_hidden, self.floor_seen = 0, False
 
     def snapshot(self, streams: Mapping[str, StreamHealth], turns_apart: int, now_ns: int) -> Health:
         """Return the counters as a value."""
@@ -216,6 +230,7 @@ class PairCount:
             floors=self.floors,
             no_floor=dict(self.no_floor),
             floors_not_confirmed=self.floors_not_confirmed,
+            floors_hidden=self.floors_hidden,
             last_floor=self.last_floor,
             floor_silence_s=self.floor_rate.silence_s(now_ns),
             stages_ms=_medians(self.stages_ms),

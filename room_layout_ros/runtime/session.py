@@ -148,6 +148,7 @@ class EstimatorSession:
         with self._lock:
             self._rules = rules
             self._pairing.configure(rules.pairing)
+            self._pairs.forget_floor()
 
     def add_image(self, stream: str, stamp_ns: int, item: object) -> None:
         """Take a checked image of COLOR or DEPTH."""
