@@ -11,10 +11,9 @@ from scipy.sparse import coo_matrix
 from room_layout_ros.core.labelling import LabelProblem
 
 
-def naive_minimum(problem: LabelProblem) -> float:
-    """Least energy over all labellings."""
-    nodes, labels = problem.unary.shape
-    return min(problem.energy(np.array(x)) for x in itertools.product(range(labels), repeat=nodes))
+def naive_minimum(problem: LabelProblem, labels: int) -> float:
+    """Least energy over all labellings with the first of the labels."""
+    return min(problem.energy(np.array(x)) for x in itertools.product(range(labels), repeat=len(problem.unary)))
 
 
 def linear_program(problem: LabelProblem, integral: bool) -> float:

@@ -19,7 +19,7 @@ from room_layout_ros.core.evidence.geometric_context import (
     load_context,
     save_context,
 )
-from room_layout_ros.core.evidence.orientation_map import compute_orientation_map, orientation_channels
+from room_layout_ros.core.evidence.orientation_map import compute_orientation_map
 from room_layout_ros.core.evidence.pixel_statistics import MEASURED, ORIENTATION, X, Z, sum_pixels
 from room_layout_ros.core.evidence.surroundings import _neighbour_means, look_around
 from room_layout_ros.core.forest import Forest
@@ -91,13 +91,6 @@ def test_sweeps_agree_with_looking_at_exact_segments(rng: np.random.Generator) -
     exact = [naive.orientation_at(p.astype(float) + 0.01, lines.points, kind, R, CAMERA) for p in pixels]
     agree = orientation[pixels[:, 1], pixels[:, 0]] == np.array(exact)
     assert agree.mean() > 0.88  # the rest lies within a pixel of a segment or its shadow
-
-
-def test_orientation_channels_are_one_hot() -> None:
-    channels = orientation_channels(np.array([[0, 3], [5, 1]], np.uint8))
-    assert channels.shape == (2, 2, 5)
-    assert channels.sum() == 3
-    assert channels[1, 0, 4] == 1
 
 
 def test_no_lines_leave_the_map_open_and_wrong_counts_are_refused() -> None:

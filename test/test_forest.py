@@ -9,8 +9,9 @@ from typing import Any
 import naive_evidence as naive
 import numpy as np
 import pytest
+from scipy.special import softmax
 
-from room_layout_ros.core.forest import MAX_LEAVES, Forest, softmax
+from room_layout_ros.core.forest import MAX_LEAVES, Forest
 from room_layout_ros.learning.context import export_forest
 
 Fitted = tuple[np.ndarray, Any, Forest]
@@ -39,7 +40,7 @@ def test_kernel_equals_the_naive_twin(fitted: Fitted) -> None:
 
 def test_export_gives_the_probabilities_of_the_trainer(fitted: Fitted) -> None:
     x, model, forest = fitted
-    assert np.abs(softmax(forest.evaluate(x)) - model.predict_proba(x)).max() < 1e-5
+    assert np.abs(softmax(forest.evaluate(x), axis=1) - model.predict_proba(x)).max() < 1e-5
 
 
 def test_binary_export_gives_log_odds() -> None:

@@ -14,15 +14,16 @@ from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.energies import (
     ExtraCosts,
     JointProblem,
-    coupling,
+    compatibility_costs,
+    couple,
     joint_features,
     label_problem,
-    layout_tables,
+    layout_costs,
     reversed_relation,
     superpixel_faces,
     violations,
 )
-from room_layout_ros.core.integral_geometry import face_counts
+from room_layout_ros.core.integral_geometry import face_counts, pair_tables
 from room_layout_ros.core.joint import solve_joint
 from room_layout_ros.core.joint_problem import loss_costs
 from room_layout_ros.core.layout_search import Layout, RankedLayout, layout_energy
@@ -44,9 +45,10 @@ def energy_of_inference(
 ) -> float:
     """E(x, y) from the tables that the minimisation reads."""
     planes = with_fit(plane_costs(problem, weights), problem, weights, labels).of(layout, c)
+    cost = layout_costs(problem, weights) + compatibility_costs(problem, weights, labels)
     return (
         label_problem(problem, weights).energy(labels)
-        + layout_energy(layout_tables(problem, weights, labels), layout)
+        + layout_energy(pair_tables(problem.counts, cost), layout)
         + planes
     )
 
@@ -118,12 +120,13 @@ def exhaustive_minimum(problem: JointProblem, weights: ModelWeights) -> float:
     alone = label_problem(problem, weights)
     labellings = np.array(list(itertools.product(range(6), repeat=4)))
     of_labels = np.array([alone.energy(x) for x in labellings])
-    tables, planes = layout_tables(problem, weights), plane_costs(problem, weights)
+    tables, planes = pair_tables(problem.counts, layout_costs(problem, weights)), plane_costs(problem, weights)
     best = np.inf
     a, b, c, d = (range(int(n)) for n in problem.counts.grid.state_counts)
     for layout in itertools.product(a, b, c, d):
         for number, scale in enumerate(problem.scales):
-            coupled = coupling(problem, weights, layout, float(scale))
+            faces = superpixel_faces(problem, layout)
+            coupled = couple(problem, weights, faces, problem.area, layout, float(scale))
             joint = of_labels + coupled[np.arange(4), labellings].sum(axis=1)
             best = min(best, float(joint.min()) + layout_energy(tables, layout) + planes.of(layout, number))
     return best

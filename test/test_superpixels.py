@@ -281,28 +281,6 @@ def test_same_input_same_bytes(rng: np.random.Generator) -> None:
         assert np.asarray(getattr(first, field.name)).tobytes() == np.asarray(getattr(second, field.name)).tobytes()
 
 
-def test_a_warm_start_keeps_the_promises_and_leaves_the_start_alone(rng: np.random.Generator) -> None:
-    color = np.full((120, 160, 3), 140, np.uint8)
-    color[40:70, 60:90] = 90
-    w, face = three_walls(rng)
-    start = compute_superpixels(color, w, SMALL)
-    centers = start.centers.copy()
-    again = compute_superpixels(np.roll(color, 1, axis=1), w, SMALL, start)
-    check_partition(again, 120, 160)
-    np.testing.assert_array_equal(start.centers, centers)
-    assert segmentation_scores(again.index, face.astype(np.uint8)).mean_error < 0.02
-
-
-def test_a_start_of_other_size_or_settings_is_not_used(rng: np.random.Generator) -> None:
-    color = noise_image(rng, 96, 128)
-    cold = compute_superpixels(color, None, SMALL)
-    for start in (
-        compute_superpixels(noise_image(rng, 64, 64), None, SMALL),
-        compute_superpixels(color, None, EstimatorConfig(superpixel_count=60)),
-    ):
-        np.testing.assert_array_equal(compute_superpixels(color, None, SMALL, start).index, cold.index)
-
-
 @pytest.mark.parametrize("value", [0, 128, 255])
 def test_constant_images_give_a_partition(value: int) -> None:
     color = np.full((96, 128, 3), value, np.uint8)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .cell_counts import CellCounts
 from .depth_profiles import DepthProfiles
-from .integral_geometry import PairTables, face_counts, pair_tables
+from .integral_geometry import face_counts
 from .labelling import LabelProblem
 from .labels import FRONT_WALL, N_FACES, N_LABELS
 from .layout_search import Layout
@@ -150,19 +150,6 @@ def compatibility_costs(problem: JointProblem, weights: ModelWeights, labels: ND
     return per_label[labels[problem.atom_superpixel]]
 
 
-def layout_tables(
-    problem: JointProblem,
-    weights: ModelWeights,
-    labels: NDArray[np.int64] | None = None,
-    extra: ExtraCosts | None = None,
-) -> PairTables:
-    """Return the pair tables of E_layout, plus E_comp where labels are given; without the plane terms."""
-    cost = layout_costs(problem, weights, extra)
-    if labels is not None:
-        cost += compatibility_costs(problem, weights, labels)
-    return pair_tables(problem.counts, cost)
-
-
 # --- labels -----------------------------------------------------------------------------------------------------------
 
 
@@ -244,11 +231,6 @@ def reversed_relation(relation: NDArray[np.float64]) -> NDArray[np.float64]:
     return relation[:, _REVERSED]
 
 
-def coupling(problem: JointProblem, weights: ModelWeights, layout: Layout, scale: float) -> NDArray[np.float64]:
-    """Return E_comp and the plane fit of one layout as a cost per superpixel and label: (K, 6)."""
-    return couple(problem, weights, superpixel_faces(problem, layout), problem.area, layout, scale)
-
-
 def couple(
     problem: JointProblem,
     weights: ModelWeights,
@@ -257,7 +239,10 @@ def couple(
     layout: Layout,
     scale: float,
 ) -> NDArray[np.float64]:
-    """`coupling`, given the shares of the superpixels in the faces (K, 5) and in all (K,)."""
+    """Return E_comp and the plane fit of one layout as a cost per superpixel and label: (K, 6).
+
+    `faces` : (K, 5) `superpixel_faces` of the layout. `area` : (K,) of the problem.
+    """
     compatibility = weights.block("compatibility")
     if problem.fit is None:
         return faces @ compatibility

@@ -169,12 +169,6 @@ class Forest:
         return cls(**{name: arrays[prefix + name] for name, _ in _FIELDS})
 
 
-def softmax(scores: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(k, c) probabilities of rows of scores."""
-    shifted = np.exp(scores - scores.max(axis=1, keepdims=True))
-    return np.asarray(shifted / shifted.sum(axis=1, keepdims=True), np.float32)
-
-
 @njit(cache=True, nogil=True)
 def _arrange(feature, threshold, left, right, root):  # type: ignore[no-untyped-def]
     """Starts of the trees' tests, their nodes, the leaves each leaves open on failing, and the leaves' values."""

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.special import softmax
 
 from .evidence.features import SuperpixelFeatures
 from .evidence.geometric_context import MAX_FEATURES, select_columns
-from .forest import Forest, softmax
+from .forest import Forest
 from .labels import CLUTTER, FURNITURE_NYU40
 from .superpixels import Superpixels
 from .weights import WeightsError, read_arrays, write_arrays
@@ -68,7 +69,8 @@ def classify_furniture(features: SuperpixelFeatures, model: FurnitureModel) -> N
     ValueError
         When the features lack a column of the model.
     """
-    return softmax(model.forest.evaluate(select_columns(features, model.names))).astype(np.float64)
+    scores = model.forest.evaluate(select_columns(features, model.names))
+    return np.asarray(softmax(scores, axis=1), np.float64)
 
 
 def group_furniture(
@@ -91,7 +93,7 @@ def group_furniture(
     length = superpixels.edge_length
     score = _group(superpixels.edges, length, superpixels.mean_lab, clutter, np.log(np.maximum(probability, 1e-6)))
     score[:, -1] += np.log(_OTHER)
-    return softmax(score.astype(np.float32)).astype(np.float64)
+    return np.asarray(softmax(score.astype(np.float32), axis=1), np.float64)
 
 
 @njit(cache=True, nogil=True)

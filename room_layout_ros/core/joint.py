@@ -52,11 +52,10 @@ class JointSolution:
     ----------
     layout : state indices of ceiling, floor, left and right ray. scale : distance of the front wall in m (1 without
         depth).
-    labels : (K,) int64, 0..5. energy : E(x, y). bound : no labels and layout have less. gap : energy - bound.
+    labels : (K,) int64, 0..5. energy : E(x, y). bound : no labels and layout have less.
     energies : after every half step of the best start, never rising.
     face_confidence : (5,) 0..1 from the min-marginals; 0 for a face that is not in view.
     finished : False where the deadline ended the search early.
-    messages : state of the message passing, to warm-start the next frame's.
     """
 
     layout: Layout
@@ -67,12 +66,6 @@ class JointSolution:
     energies: tuple[float, ...]
     face_confidence: NDArray[np.float64]
     finished: bool
-    messages: Labelling
-
-    @property
-    def gap(self) -> float:
-        """Energy above the lower bound; 0 proves the optimum."""
-        return self.energy - self.bound
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,15 +74,11 @@ class JointEstimate:
 
     Attributes
     ----------
-    hypothesis : index of the evidence it is for. solution : JointSolution.
-    cuboid : its room, with planes at states of the rays.
-    energies : of every hypothesis tried, in order.
+    solution : JointSolution. cuboid : its room, with planes at states of the rays.
     """
 
-    hypothesis: int
     solution: JointSolution
     cuboid: RoomCuboid
-    energies: tuple[float, ...]
 
     @property
     def labels(self) -> NDArray[np.uint8]:
@@ -138,8 +127,7 @@ def estimate_joint(
         if geometry is not None
         else weights.variant(config.joint_variant).variant("rgb")
     )
-    best: tuple[int, _Alternation, _State] | None = None
-    energies: list[float] = []
+    best: tuple[_Alternation, _State] | None = None
     parts = gather_parts(superpixels, geometry, config) if first is None else first.shared
     for index, evidence in enumerate(hypotheses):
         if best is not None and expired():
@@ -148,15 +136,14 @@ def estimate_joint(
         problem = build_joint_problem(camera, superpixels, evidence, geometry, config, parts=parts, atoms=atoms)
         solver = _Alternation(problem, weights, config, expired, None)
         state = solver.search()
-        energies.append(state.energy)
-        if best is None or state.energy < best[2].energy - _NAME_TIE:
-            best = (index, solver, state)
+        if best is None or state.energy < best[1].energy - _NAME_TIE:
+            best = (solver, state)
     if best is None:
         raise AssertionError("no hypothesis was solved")
-    index, solver, state = best
+    solver, state = best
     solution = solver.conclude(state, config.joint_bound)
     cuboid = solver.problem.counts.grid.cuboid(solution.layout, solution.scale)
-    return JointEstimate(index, solution, cuboid, tuple(energies))
+    return JointEstimate(solution, cuboid)
 
 
 def solve_joint(
@@ -314,7 +301,6 @@ class _Alternation:
                 self.faces_of(state.layout), full, state.layout, self.config.layout_temperature
             ),
             finished=finished,
-            messages=state.labelling,
         )
 
     def bound(self, state: _State) -> float:

@@ -14,19 +14,17 @@ from numpy.typing import NDArray
 
 from .labels import N_LABELS
 
-_WIDTH = N_LABELS
-
 
 @dataclass(frozen=True, slots=True)
 class LabelProblem:
-    """Costs of labelling K nodes with L <= 6 labels.
+    """Costs of labelling K nodes with 6 labels.
 
     Parameters
     ----------
-    unary : (K, L) float64 array
+    unary : (K, 6) float64 array
     edges : (E, 2) int32 array
         Node pairs (i, j) with i < j, each at most once.
-    pairwise : (E, L, L) float64 array
+    pairwise : (E, 6, 6) float64 array
         Cost of (label of i, label of j).
 
     Raises
@@ -40,13 +38,13 @@ class LabelProblem:
     pairwise: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        nodes, labels = self.unary.shape
-        if not 1 <= labels <= _WIDTH:
-            raise ValueError(f"problem has {labels} labels; allowed are 1 to {_WIDTH}")
-        if self.edges.shape != (len(self.edges), 2) or self.pairwise.shape != (len(self.edges), labels, labels):
+        nodes, edges = len(self.unary), len(self.edges)
+        if self.unary.shape != (nodes, N_LABELS):
+            raise ValueError(f"unary costs are {self.unary.shape}; (K, {N_LABELS}) is needed")
+        if self.edges.shape != (edges, 2) or self.pairwise.shape != (edges, N_LABELS, N_LABELS):
             raise ValueError(
                 f"{self.edges.shape} edges with {self.pairwise.shape} costs; "
-                f"(E, 2) and (E, {labels}, {labels}) are needed"
+                f"(E, 2) and (E, {N_LABELS}, {N_LABELS}) are needed"
             )
         if not _rising(self.edges, nodes):
             raise ValueError(f"an edge is not (i, j) with 0 <= i < j < {nodes}")
@@ -86,52 +84,39 @@ class LabelSolver:
     def __init__(self, problem: LabelProblem) -> None:
         self._problem = problem
         self._order = _adjacency(len(problem.unary), problem.edges)
-        self._pairwise = _padded_pairwise(problem.pairwise)
+        self._pairwise = _both_ways(problem.pairwise)
 
     def solve(self, unary: NDArray[np.float64], sweeps: int, start: Labelling | None = None) -> Labelling:
-        """Minimise the cost with other unary costs (K, L); see `solve_labelling`."""
+        """Minimise the cost over all labellings.
+
+        Parameters
+        ----------
+        unary : (K, 6) float64
+            In place of the problem's.
+        sweeps : int
+            Forward-backward sweeps at most; it ends earlier when the bound meets the energy.
+        start : Labelling, optional
+            Of a similar problem on the same edges. Its messages warm-start the sweeps, and the result costs no more
+            than its labels.
+        """
         if start is None:
-            messages, first = np.zeros((len(self._problem.edges), 2, _WIDTH)), np.full(len(unary), -1)
+            messages, first = np.zeros((len(self._problem.edges), 2, N_LABELS)), np.full(len(unary), -1)
         else:
             messages, first = start.messages.copy(), start.labels
-        padded = _padded_unary(unary, self._problem.pairwise)
-        flat = messages.reshape(-1, _WIDTH)
-        labels, energy, bound = _trws(padded, self._problem.edges, self._pairwise, *self._order, flat, first, sweeps)
+        costs, flat = np.ascontiguousarray(unary, dtype=np.float64), messages.reshape(-1, N_LABELS)
+        labels, energy, bound = _trws(costs, self._problem.edges, self._pairwise, *self._order, flat, first, sweeps)
         return Labelling(labels, float(energy), float(bound), messages)
-
-
-def solve_labelling(problem: LabelProblem, sweeps: int = 20, start: Labelling | None = None) -> Labelling:
-    """Minimise the cost over all labellings.
-
-    Parameters
-    ----------
-    problem : LabelProblem
-    sweeps : int
-        Forward-backward sweeps at most; it ends earlier when the bound meets the energy.
-    start : Labelling, optional
-        Of a similar problem on the same edges. Its messages warm-start the sweeps, and the result costs no more than
-        its labels.
-    """
-    return LabelSolver(problem).solve(problem.unary, sweeps, start)
-
-
-def _padded_pairwise(pairwise: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(2E, 6, 6): costs of (first, second) and of (second, first) of each edge, so that kernels read rows.
-
-    Kernels have loops of a fixed number of labels, which the compiler unrolls.
-    """
-    return np.asarray(_both_ways(pairwise))
 
 
 @njit(cache=True, nogil=True)
 def _both_ways(pairwise):  # type: ignore[no-untyped-def]
-    edges, labels, _ = pairwise.shape
-    padded = np.zeros((2 * edges, _WIDTH, _WIDTH))
-    for e in range(edges):
-        for a in range(labels):
-            for b in range(labels):
-                padded[2 * e, a, b] = padded[2 * e + 1, b, a] = pairwise[e, a, b]
-    return padded
+    """(2E, 6, 6): costs of (first, second) and of (second, first) of each edge, so that kernels read rows."""
+    both = np.empty((2 * len(pairwise), N_LABELS, N_LABELS))
+    for e in range(len(pairwise)):
+        for a in range(N_LABELS):
+            for b in range(N_LABELS):
+                both[2 * e, a, b] = both[2 * e + 1, b, a] = pairwise[e, a, b]
+    return both
 
 
 @njit(cache=True, nogil=True)
@@ -142,16 +127,6 @@ def _cost(unary, edges, pairwise, labels):  # type: ignore[no-untyped-def]
     for e in range(len(edges)):
         total += pairwise[e, labels[edges[e, 0]], labels[edges[e, 1]]]
     return total
-
-
-def _padded_unary(unary: NDArray[np.float64], pairwise: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(K, 6); a label that is not the problem's costs more than any labelling."""
-    labels = unary.shape[1]
-    if labels == _WIDTH:
-        return np.ascontiguousarray(unary, dtype=np.float64)
-    padded = np.full((len(unary), _WIDTH), 1.0 + 2.0 * (np.abs(unary).sum() + np.abs(pairwise).sum()))
-    padded[:, :labels] = unary
-    return padded
 
 
 def _adjacency(nodes: int, edges: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
@@ -209,7 +184,7 @@ def _trws(unary, edges, pairwise, starts, codes, messages, labels, sweeps):  # t
     best_energy = _cost(unary, edges, pairwise[::2], best)
     bound = -np.inf
     current = np.zeros(nodes, np.int64)
-    belief, fixed = np.empty(_WIDTH), np.empty(_WIDTH)
+    belief, fixed = np.empty(N_LABELS), np.empty(N_LABELS)
     for _ in range(sweeps):
         for i in range(nodes):
             _collect(unary, edges, pairwise, starts, codes, messages, current, i, belief, fixed)
@@ -233,9 +208,9 @@ def _trws(unary, edges, pairwise, starts, codes, messages, labels, sweeps):  # t
 
 @njit(cache=True, nogil=True, inline="always")
 def _argmin(values):  # type: ignore[no-untyped-def]
-    """First of the least of `_WIDTH` values."""
+    """First of the least of `N_LABELS` values."""
     best = 0
-    for a in range(1, _WIDTH):
+    for a in range(1, N_LABELS):
         best = a if values[a] < values[best] else best
     return best
 
@@ -243,30 +218,30 @@ def _argmin(values):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _collect(unary, edges, pairwise, starts, codes, messages, current, i, belief, fixed):  # type: ignore[no-untyped-def]
     """Costs of node i by all messages, and by the labels already fixed (of nodes before i) and the others' messages."""
-    for a in range(_WIDTH):
+    for a in range(N_LABELS):
         belief[a] = fixed[a] = unary[i, a]
     for c in range(starts[i], starts[i + 1]):
         code = codes[c]
         incoming = code ^ 1
         if code & 1:
             other = current[edges[code >> 1, 0]]
-            for a in range(_WIDTH):
+            for a in range(N_LABELS):
                 fixed[a] += pairwise[incoming, other, a]
         else:
-            for a in range(_WIDTH):
+            for a in range(N_LABELS):
                 fixed[a] += messages[incoming, a]
-        for a in range(_WIDTH):
+        for a in range(N_LABELS):
             belief[a] += messages[incoming, a]
 
 
 @njit(cache=True, nogil=True)
 def _believe(unary, starts, codes, messages, i, belief):  # type: ignore[no-untyped-def]
     """Costs of node i by all messages."""
-    for a in range(_WIDTH):
+    for a in range(N_LABELS):
         belief[a] = unary[i, a]
     for c in range(starts[i], starts[i + 1]):
         incoming = codes[c] ^ 1
-        for a in range(_WIDTH):
+        for a in range(N_LABELS):
             belief[a] += messages[incoming, a]
 
 
@@ -282,7 +257,7 @@ def _send(pairwise, starts, codes, messages, i, backward, belief):  # type: igno
     share = 1.0 / max(starts[i + 1] - starts[i] - before, before, 1)
     least = belief[_argmin(belief)]
     part = least
-    for a in range(_WIDTH):
+    for a in range(N_LABELS):
         belief[a] = share * (belief[a] - least)
     for c in range(starts[i], starts[i + 1]):
         code = codes[c]
@@ -299,15 +274,15 @@ def _pass_on(pairwise, messages, code, belief):  # type: ignore[no-untyped-def]
     back = code ^ 1
     own0, own1, own2 = belief[0] - messages[back, 0], belief[1] - messages[back, 1], belief[2] - messages[back, 2]
     own3, own4, own5 = belief[3] - messages[back, 3], belief[4] - messages[back, 4], belief[5] - messages[back, 5]
-    for b in range(_WIDTH):
+    for b in range(N_LABELS):
         one = min(own0 + pairwise[code, 0, b], own1 + pairwise[code, 1, b])
         two = min(own2 + pairwise[code, 2, b], own3 + pairwise[code, 3, b])
         three = min(own4 + pairwise[code, 4, b], own5 + pairwise[code, 5, b])
         messages[code, b] = min(min(one, two), three)
     low = messages[code, 0]
-    for b in range(1, _WIDTH):
+    for b in range(1, N_LABELS):
         low = min(low, messages[code, b])
-    for b in range(_WIDTH):
+    for b in range(N_LABELS):
         messages[code, b] -= low
     return low
 
@@ -315,16 +290,16 @@ def _pass_on(pairwise, messages, code, belief):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _descend(unary, edges, pairwise, starts, codes, labels):  # type: ignore[no-untyped-def]
     """Relabel single nodes while that lowers the energy (iterated conditional modes)."""
-    belief = np.empty(_WIDTH)
+    belief = np.empty(N_LABELS)
     for _ in range(10):
         changed = False
         for i in range(len(unary)):
-            for a in range(_WIDTH):
+            for a in range(N_LABELS):
                 belief[a] = unary[i, a]
             for c in range(starts[i], starts[i + 1]):
                 code = codes[c]
                 other = labels[edges[code >> 1, 1 - (code & 1)]]
-                for a in range(_WIDTH):
+                for a in range(N_LABELS):
                     belief[a] += pairwise[code ^ 1, other, a]
             best = _argmin(belief)
             if belief[best] < belief[labels[i]] - 1e-12:

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.special import softmax
 
 from .color import blank_border
 from .labels import N_FACES, N_LABELS
@@ -43,12 +44,15 @@ class SceneScores:
     @property
     def labels(self) -> NDArray[np.float64]:
         """(ROWS, COLUMNS, 6) probability of each label."""
-        return _softmax(np.moveaxis(self.values[:N_LABELS], 0, -1).astype(np.float64))
+        scores = np.moveaxis(self.values[:N_LABELS], 0, -1)
+        return np.asarray(softmax(scores.astype(np.float64), axis=-1))
 
     @property
     def layout(self) -> NDArray[np.float64]:
         """(ROWS, COLUMNS, 5) probability of each face of the empty room."""
-        return _softmax(np.moveaxis(self.values[N_LABELS : N_LABELS + N_FACES], 0, -1).astype(np.float64))
+        return np.asarray(
+            softmax(np.moveaxis(self.values[N_LABELS : N_LABELS + N_FACES], 0, -1).astype(np.float64), axis=-1)
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,11 +147,6 @@ def load_network(path: Path) -> SceneNetwork:
         raise
     except ValueError as error:
         raise WeightsError(f"{path}: {error}") from error
-
-
-def _softmax(scores: NDArray[np.float64]) -> NDArray[np.float64]:
-    shifted = np.exp(scores - scores.max(axis=-1, keepdims=True))
-    return np.asarray(shifted / shifted.sum(axis=-1, keepdims=True))
 
 
 @njit(cache=True, nogil=True)

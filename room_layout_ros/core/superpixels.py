@@ -15,7 +15,7 @@ from .superpixel_merging import merge_superpixels
 from .superpixel_planes import fit_planes, inverse_depth_gradient
 from .superpixel_sums import accumulate, move_centers
 
-_COARSE_PASSES, _COARSE_PASSES_WARM = 2, 1
+_COARSE_PASSES = 2
 """Iterations that only have to move the centres, before the one that assigns each pixel."""
 
 _COARSE_ROWS, _COARSE_SHARE = 8, 0.29
@@ -60,7 +60,6 @@ class Superpixels:
     measured : (K,) float32 share of pixels with depth.
         (Colour, plane and share are those of every second row, where superpixels are large.)
     edges : (E, 2) int32 touching pairs i < j, ascending. edge_length : (E,) int32 length of the border in pixels.
-    centers : (K', 12) float32 state of the clustering, to start the next frame of a video from.
     """
 
     index: NDArray[np.int32]
@@ -73,14 +72,10 @@ class Superpixels:
     measured: NDArray[np.float32]
     edges: NDArray[np.int32]
     edge_length: NDArray[np.int32]
-    centers: NDArray[np.float32]
 
 
 def compute_superpixels(
-    color: NDArray[np.uint8] | None,
-    inverse_depth: NDArray[np.float32] | None,
-    config: EstimatorConfig,
-    start: Superpixels | None = None,
+    color: NDArray[np.uint8] | None, inverse_depth: NDArray[np.float32] | None, config: EstimatorConfig
 ) -> Superpixels:
     """Segment an image into superpixels that are compact, of one colour and of one plane.
 
@@ -92,8 +87,6 @@ def compute_superpixels(
         1/Z in 1/m; 0 where not measured.
     config : EstimatorConfig
         The fields `superpixel_*`.
-    start : Superpixels, optional
-        Of the frame before: a warm start, with fewer iterations. Not used if of other size or number.
 
     Raises
     ------
@@ -106,11 +99,8 @@ def compute_superpixels(
     index = np.empty((-(-height // images.row_px), width), np.int32)
     coarse = max(1, min(_COARSE_ROWS, int(_COARSE_SHARE * spacing)) // images.row_px)
     grid = max(1, round(height / spacing)), max(1, round(width / spacing))
-    if start is None or start.index.shape != images.size or len(start.centers) != grid[0] * grid[1]:
-        centers, passes = _seed(images, index, grid, coarse, config), _COARSE_PASSES
-    else:
-        centers, passes = start.centers.copy(), _COARSE_PASSES_WARM
-    for _ in range(passes):
+    centers = _seed(images, index, grid, coarse, config)
+    for _ in range(_COARSE_PASSES):
         _assign(images, centers, index, coarse, spacing, config)
         _update(images, centers, index, coarse, config)
     _assign(images, centers, index, 1, spacing, config)
@@ -133,7 +123,6 @@ def compute_superpixels(
         measured=(sums[:, 6] / sums[:, 0]).astype(np.float32),
         edges=edges,
         edge_length=edge_length,
-        centers=centers,
     )
 
 

@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..frame import CameraIntrinsics
-from ..labels import CEILING, FLOOR, FRONT_WALL, LEFT_WALL, N_FACES, RIGHT_WALL
+from ..labels import CEILING, FLOOR, FRONT_WALL, LEFT_WALL, RIGHT_WALL
 from ..lines import LineSegments
 
 _MAP_WIDTH = 160
@@ -61,11 +61,6 @@ def compute_orientation_map(
         _sweep(lines, toward[0], toward[1], toward[2], axis, seen[axis])
     faces = _faces(seen, matrix)
     return np.asarray(cv2.resize(faces, (camera.width, camera.height), interpolation=cv2.INTER_NEAREST), np.uint8)
-
-
-def orientation_channels(orientation: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Return the map as five features per pixel: (H, W, 5) float32, 1 where the face is named."""
-    return (orientation[..., None] == np.arange(1, N_FACES + 1, dtype=np.uint8)).astype(np.float32)
 
 
 def _draw(
