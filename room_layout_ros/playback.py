@@ -5,7 +5,6 @@ Like `node` a shell around rclpy, which is imported when something is played.
 
 from __future__ import annotations
 
-import importlib
 import os
 import signal
 import sys
@@ -267,9 +266,10 @@ class _Player:
     def _publisher(self, message: RawMessage) -> Any:
         topic = self._names.get(message.topic, message.topic)
         if topic not in self._publishers and topic not in self._skipped:
-            package, _, name = message.kind.split("/")
+            from .ros_process import message_class
+
             try:
-                kind = getattr(importlib.import_module(f"{package}.msg"), name)
+                kind = message_class(message.kind)
             except (ImportError, AttributeError):
                 self._skipped.add(topic)
                 print(f"left out {topic}: the message type {message.kind} is not installed", file=sys.stderr)

@@ -6,7 +6,6 @@ Like `node` a shell around rclpy. Messages are never decoded: bytes in, bytes ou
 from __future__ import annotations
 
 import argparse
-import importlib
 import json
 import queue
 import sys
@@ -27,7 +26,7 @@ from rclpy.utilities import try_shutdown
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from .ros_process import BAD_SETTINGS, join, sentence
+from .ros_process import BAD_SETTINGS, join, message_class, sentence
 
 _DEPTH = 200
 _LOOK_PERIOD_S = 0.1
@@ -97,7 +96,7 @@ class Recorder(Node):
         )
         events = SubscriptionEventCallbacks(message_lost=partial(self._on_lost, topic))
         callback = partial(self._on_message, topic, kind)
-        self.create_subscription(_message_class(kind), topic, callback, qos, event_callbacks=events, raw=True)
+        self.create_subscription(message_class(kind), topic, callback, qos, event_callbacks=events, raw=True)
 
     def _on_message(self, topic: str, kind: str, serialized: bytes) -> None:
         try:
@@ -118,12 +117,6 @@ class Recorder(Node):
             self.failure = f"{bag} cannot be written: {getattr(error, 'strerror', None) or error}"
             with suppress(queue.Empty):  # for one who waits to put the end in
                 self._messages.get_nowait()
-
-
-def _message_class(kind: str) -> type:
-    package, _, name = kind.split("/")
-    found: type = getattr(importlib.import_module(f"{package}.msg"), name)
-    return found
 
 
 def _write(bag: Path, typestore: Any, messages: queue.Queue[Message | None]) -> None:

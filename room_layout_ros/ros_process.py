@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
@@ -41,6 +42,19 @@ def join(args: Sequence[str] | None, **options: Any) -> None:
     if text and not (text.isascii() and text.isdigit() and int(text) <= LAST_DOMAIN):
         raise ValueError(f"{DOMAIN_VARIABLE} is {text[:40]!r}; it must be a whole number of 0 to {LAST_DOMAIN}")
     rclpy.init(args=None if args is None else list(args), **options)
+
+
+def message_class(kind: str) -> type:
+    """Return the class of a message type, "sensor_msgs/msg/Image".
+
+    Raises
+    ------
+    ImportError, AttributeError
+        When it is not installed.
+    """
+    package, _, name = kind.split("/")
+    found: type = getattr(importlib.import_module(f"{package}.msg"), name)
+    return found
 
 
 _OF_EVERY_NODE = (

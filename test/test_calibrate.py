@@ -61,6 +61,13 @@ def test_frames_held_out_are_never_used(rooms: Path, tmp_path: Path, capsys: pyt
     assert "at least 30 are needed" in capsys.readouterr().err
 
 
+def test_with_and_without_the_network_at_once_is_refused(
+    rooms: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert calibrate(rooms, tmp_path, "--plain", "--scene", str(tmp_path)) == 2
+    assert "--plain exclude each other" in capsys.readouterr().err
+
+
 def test_a_source_that_is_no_folder_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert room_layout(["calibrate", str(tmp_path / "absent"), "--fits", str(tmp_path), "--out", str(tmp_path)]) == 2
     message = capsys.readouterr().err

@@ -53,13 +53,15 @@ def run(arguments: argparse.Namespace) -> int:
     source = open_source(arguments.input)
     if not isinstance(source, FramesFolder):
         raise DataError(f"{arguments.input} is no frames folder; calibrate needs one")
+    if arguments.plain and arguments.scene is not None:
+        raise DataError(f"--scene {arguments.scene} and --plain exclude each other: one is with networks, one without")
     held_out = subset_names(source, arguments.hold_out)
     fitted = [n for n in source.names if (arguments.fits / "layout" / f"{n}.png").is_file()]
     names = choose_names(fitted, held_out, arguments.frames)
     if len(names) < LEAST_FRAMES:
         raise DataError(f"{arguments.fits} has layouts for {len(names)} frames; at least {LEAST_FRAMES} are needed")
     config = EstimatorConfig(use_depth=not arguments.rgb_only, scene_network=not arguments.plain)
-    networks = None if arguments.scene is None or arguments.plain else read_folds(arguments.scene.absolute())
+    networks = None if arguments.scene is None else read_folds(arguments.scene.absolute())
     work = partial(_judge, arguments.fits, config, networks)
     with progress_bar("calibrate", len(names)) as progress:
         found = list(map_ordered(work, source.subset(tuple(names)), arguments.jobs, None, progress, None))
