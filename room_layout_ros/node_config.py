@@ -73,7 +73,9 @@ class NodeConfig:
         choices=("auto", "tf", "imu", "parameters", "estimate"),
     )
     robot_frame: str = setting("base_footprint", "frame of the robot on the floor, z up (REP-120)")
-    camera_height: float = setting(0.0, "height of the camera over the floor (0: not known)", "m", 0.0, 10.0)
+    camera_height: float = setting(
+        0.0, "height of the camera over the floor (0: not known, the depth tells)", "m", 0.0, 10.0
+    )
     camera_pitch_deg: float = setting(0.0, "the camera looks down by this angle", "deg", -90.0, 90.0)
     camera_roll_deg: float = setting(0.0, "the camera leans to its right by this angle", "deg", -180.0, 180.0)
     imu_to_camera: str = setting(

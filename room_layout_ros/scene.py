@@ -84,6 +84,20 @@ class Scene:
         )
 
     @cached_property
+    def has_level_floor(self) -> bool:
+        """Whether what is labelled floor lies level below the camera by the direction that is given."""
+        if self.geometry is None or self.floor is None:
+            return False
+        points = self.geometry.points(_STRIDE)[self.estimate.labels[::_STRIDE, ::_STRIDE] == FLOOR].astype(np.float64)
+        points = points[np.isfinite(points[:, 2])]
+        if len(points) * _STRIDE**2 < _LEAST_PIXELS:
+            return False
+        along = points @ self.floor.normal
+        height_m = float(np.median(along))
+        level = np.abs(along - height_m) < _ON_M + np.tan(_ON_RAD) * points[:, 2]
+        return height_m > 0.0 and bool(np.count_nonzero(level) >= _ON_FLOOR_SHARE * len(points))
+
+    @cached_property
     def _sees_through(self) -> bool:
         """Whether so much is measured below the given floor that there is none."""
         if self._over_floor is None:

@@ -159,7 +159,8 @@ def _floor_outcome(scene: Scene) -> FloorOutcome:
         return FloorOutcome("", NO_DEPTH, frame=scene.floor_frame)
     space = scene.free_space
     if space is None:
-        missing = NO_FLOOR if scene.floor is None else NO_LEVEL_FLOOR  # with a height it would have been kept
+        # A floor that is given with its height would have been kept.
+        missing = NO_FLOOR if scene.floor is None or scene.has_level_floor else NO_LEVEL_FLOOR
         return FloorOutcome("", missing, frame=scene.floor_frame)
     seen = space.source.endswith("+depth")
     return FloorOutcome(

@@ -592,6 +592,22 @@ def test_a_camera_height_that_is_not_given_is_said_to_be_of_the_depth(height: fl
         bench.until(lambda: bench.diagnosis()["floor"] == (0, f"floor from parameters+depth{taken}"))
 
 
+def test_d03_a_wrong_tilt_without_a_height_is_asked_for_and_loses_no_frame() -> None:
+    """The floor that is seen lies above a camera that is said to hang upside down: no plane, no exception."""
+    with running(pose_source="parameters", camera_pitch_deg=6.0, camera_roll_deg=180.0) as bench:
+        bench.connect()
+        bench.listen("estimator/scan", messages.LaserScan)
+        assert not frames_of_floor(bench, lambda i: None, 0)
+        tilt = "is the tilt that parameters gives right (camera_pitch_deg, camera_roll_deg)?"
+        bench.until(lambda: bench.said("floor", "no floor (nothing level below the camera) for", tilt))
+        assert said(bench, "height") == "taken from the depth: camera_height is 0 (not known)"
+        assert bench.health().dropped.keys() <= {"newer frame"}
+        assert bench.node.set_parameters([Parameter("camera_roll_deg", value=0.0)])[0].successful
+        frames_of_floor(bench, lambda i: None, 200)
+        sure = "no floor (none in view for sure, none given) for"  # to the made-up estimator the crate is no thing
+        bench.until(lambda: bench.said("floor", sure))
+
+
 def test_depth_of_another_unit_is_a_question_on_diagnostics_and_in_the_log(capfd: pytest.CaptureFixture[str]) -> None:
     with running(max_depth_m=100.0) as bench:
         bench.connect()

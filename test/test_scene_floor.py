@@ -89,3 +89,19 @@ def test_d03_a_floor_of_which_the_height_is_not_given_is_nowhere_to_be_looked_fo
     without = scene({"camera_height": 0.0, **UPSIDE_DOWN})
     assert not without.denies_floor
     assert not without.hides_floor
+
+
+@pytest.mark.parametrize(
+    ("pose", "level"),
+    (
+        ({}, True),
+        (UPSIDE_DOWN, False),
+        (ON_ITS_SIDE, False),
+        ({"camera_pitch_deg": -20.0}, False),
+        ({"camera_pitch_deg": 45.0}, False),
+    ),
+    ids=str,
+)
+def test_d03_a_tilt_fits_where_what_is_labelled_floor_lies_level_below(pose: dict[str, float], level: bool) -> None:
+    assert scene({"camera_height": 0.0, **pose}, floor_label=True).has_level_floor == level
+    assert not scene({"camera_height": 0.0, **pose}).has_level_floor, "nothing is labelled so"
