@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks._frames import DATA
-from room_layout_ros.core.conclusion import refine_cuboid
 from room_layout_ros.core.config import EstimatorConfig, parameters
+from room_layout_ros.core.cuboid_refinement import refine_cuboid
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.depth_estimator import estimate_from_depth
 from room_layout_ros.core.estimate import Status

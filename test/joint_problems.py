@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from room_layout_ros.core.cell_counts import count_cells
 from room_layout_ros.core.depth_profiles import compute_depth_profiles
-from room_layout_ros.core.energies import JointProblem
 from room_layout_ros.core.frame import CameraIntrinsics
+from room_layout_ros.core.joint_problem import JointProblem
 from room_layout_ros.core.plane_fit import PlaneFit
 from room_layout_ros.core.ray_grid import compute_ray_grid
 from room_layout_ros.core.weights import N_FEATURES, ModelWeights

@@ -22,8 +22,8 @@ from room_layout_ros.core.confidence import (
     state_confidence,
 )
 from room_layout_ros.core.estimate import Status, no_estimate
+from room_layout_ros.core.model_file import WeightsError
 from room_layout_ros.core.models import config_folder, model_file
-from room_layout_ros.core.weights import WeightsError
 from room_layout_ros.evaluation.confidence_fit import JudgedSigns, fit_confidence, judge_signs
 
 FLAT = ConfidenceModel(np.zeros(len(FRAME_SIGNS) + 1), np.zeros(len(FACE_SIGNS) + 1))

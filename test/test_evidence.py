@@ -26,10 +26,10 @@ from room_layout_ros.core.forest import Forest
 from room_layout_ros.core.frame import MAX_SIDE_PX, CameraIntrinsics
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.lines import LineSegments, classify_segments
+from room_layout_ros.core.model_file import WeightsError
 from room_layout_ros.core.models import config_folder, model_file
 from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
 from room_layout_ros.core.vanishing_points import _rotation
-from room_layout_ros.core.weights import WeightsError
 from room_layout_ros.datasets.folder import open_folder
 from room_layout_ros.learning.context_table import describe_frame
 from room_layout_ros.learning.scene_folds import SceneFolds

@@ -17,7 +17,8 @@ from room_layout_ros.core.evidence.pictures import (
     draw_pencils,
     draw_planes,
 )
-from room_layout_ros.core.joint_problem import FrameEvidence, build_joint_problem
+from room_layout_ros.core.frame_evidence import FrameEvidence
+from room_layout_ros.core.joint_problem import build_joint_problem
 from room_layout_ros.core.labels import LABEL_COLORS
 from room_layout_ros.core.superpixels import compute_superpixels
 

@@ -19,8 +19,8 @@ from room_layout_ros.core.furniture import (
     paint_furniture,
     save_furniture,
 )
+from room_layout_ros.core.model_file import WeightsError
 from room_layout_ros.core.superpixels import compute_superpixels
-from room_layout_ros.core.weights import WeightsError
 
 
 def _stump(outputs: int = 7) -> Forest:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.energies import (
     ExtraCosts,
-    JointProblem,
     compatibility_costs,
     couple,
     joint_features,
@@ -25,7 +24,7 @@ from room_layout_ros.core.energies import (
 )
 from room_layout_ros.core.integral_geometry import face_counts, pair_tables
 from room_layout_ros.core.joint import solve_joint
-from room_layout_ros.core.joint_problem import loss_costs
+from room_layout_ros.core.joint_problem import JointProblem
 from room_layout_ros.core.layout_search import Layout, RankedLayout, layout_energy
 from room_layout_ros.core.plane_costs import plane_costs, with_fit
 from room_layout_ros.core.weights import (
@@ -36,6 +35,7 @@ from room_layout_ros.core.weights import (
     pack_blocks,
     physical_table,
 )
+from room_layout_ros.learning.losses import loss_costs
 
 CONFIG = EstimatorConfig(joint_starts=3, labelling_sweeps=50)
 

@@ -10,14 +10,11 @@ import pytest
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import DepthGeometry, compute_depth_geometry
 from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.core.frame_evidence import FrameEvidence
 from room_layout_ros.core.joint import JointEstimate, estimate_joint
-from room_layout_ros.core.joint_problem import (
-    FrameEvidence,
-    build_joint_problem,
-    compute_relations,
-    gather_first_parts,
-)
+from room_layout_ros.core.joint_problem import build_joint_problem, gather_first_parts
 from room_layout_ros.core.labels import CLUTTER
+from room_layout_ros.core.superpixel_relations import compute_relations
 from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
 from room_layout_ros.core.weights import start_weights
 from room_layout_ros.datasets import good_samples

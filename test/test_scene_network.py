@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from room_layout_ros.commands import scene
 from room_layout_ros.core.color import MAX_BORDER_PX
 from room_layout_ros.core.labels import CLUTTER, N_FACES, N_LABELS
+from room_layout_ros.core.model_file import WeightsError, write_arrays
 from room_layout_ros.core.models import SCENE_FILE, config_folder, load_scene_network
 from room_layout_ros.core.scene_layers import COLUMNS, INPUT_HEIGHT, INPUT_WIDTH, N_SCORES, ROWS, SceneLayers
 from room_layout_ros.core.scene_network import (
@@ -29,7 +30,6 @@ from room_layout_ros.core.scene_network import (
     pool_scene,
     save_network,
 )
-from room_layout_ros.core.weights import WeightsError, write_arrays
 from room_layout_ros.datasets.folder import open_folder
 from room_layout_ros.learning.scene_augmentation import Augmentation, make_batch
 from room_layout_ros.learning.scene_errors import scene_errors

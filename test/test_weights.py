@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from room_layout_ros.core import weights as w
+from room_layout_ros.core import model_file
+from room_layout_ros.core.model_file import WeightsError
 from room_layout_ros.core.weights import (
     BLOCKS,
     N_FEATURES,
     ModelWeights,
-    WeightsError,
     load_weights,
     pack_blocks,
     save_weights,
@@ -51,7 +51,7 @@ def npy(array: Any, allow_pickle: bool = False) -> bytes:
 def resign(members: dict[str, bytes], **card: Any) -> None:
     """Make the hash right again, so that the next check is the one that refuses."""
     arrays = {name.removesuffix(".npy"): content for name, content in members.items() if name != "card.json"}
-    whole = {**json.loads(members["card.json"]), "sha256": w._digest(arrays), **card}
+    whole = {**json.loads(members["card.json"]), "sha256": model_file._digest(arrays), **card}
     members["card.json"] = json.dumps(whole).encode()
 
 
@@ -186,7 +186,7 @@ def test_an_unreadable_card_is_refused(path: Path, card: bytes) -> None:
 
 
 def test_a_zip_bomb_is_refused_before_it_is_unpacked(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    rewrite(path, lambda m: m.update({"bomb.npy": bytes(w.MAX_ARRAY_BYTES + 1)}))
+    rewrite(path, lambda m: m.update({"bomb.npy": bytes(model_file.MAX_ARRAY_BYTES + 1)}))
     assert path.stat().st_size < 1 << 20
     monkeypatch.setattr(zipfile.ZipFile, "open", lambda *_: pytest.fail("the bomb was opened"))
     with pytest.raises(WeightsError, match="unpacks to"):
@@ -195,7 +195,7 @@ def test_a_zip_bomb_is_refused_before_it_is_unpacked(path: Path, monkeypatch: py
 
 def test_a_huge_file_is_refused_by_its_size(path: Path) -> None:
     with path.open("r+b") as file:
-        file.truncate(w.MAX_FILE_BYTES + 1)  # a hole: takes no room on the disk
+        file.truncate(model_file.MAX_FILE_BYTES + 1)  # a hole: takes no room on the disk
     with pytest.raises(WeightsError, match="at most"):
         load_weights(path)
 

@@ -1,108 +1,24 @@
-"""From the joint solution to the estimate: continuous refinement, pixel labels, confidence."""
+"""From the joint solution and the refined room to the estimate: names of the walls, pixel labels, confidence."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from .confidence import ConfidenceModel, Signs, state_confidence
-from .depth import DepthGeometry
-from .edge_refinement import RoomPicture, refine_on_edges
+from .cuboid_refinement import RefinedRoom
 from .estimate import RoomEstimate, Status
-from .frame import CameraIntrinsics, RgbdFrame
+from .frame import RgbdFrame
 from .joint import JointEstimate
-from .labels import CLUTTER, N_LABELS
-from .layout import RoomCuboid
-from .lines import LineSegments
+from .labels import CLUTTER
 from .manhattan import ManhattanFrame
-from .room_balance import balance_faces
-from .room_cells import image_cells, room_cells
-from .room_cost import IMAGE_COSTS, FittedRoom, cell_costs, rate_room
-from .room_refinement import refine_room
-from .room_search import search_room
-from .scene_network import SceneScores
 from .superpixels import Superpixels
-from .wall_naming import name_walls, rename_walls
+from .wall_naming import name_walls
 
 _LEAST_FACE_PX = 30
-_HOPELESS = 1.03
-"""A start that costs this much more than the other is not refined; it hardly ever ends up better."""
-
-
-@dataclass(frozen=True, slots=True)
-class RefinedRoom:
-    """The final cuboid and what speaks for and against it.
-
-    Attributes
-    ----------
-    cost : mean cost per cell of the fit (`room_cost`), 0 without depth.
-    balance : (5, 3) support, violation and area per face (`room_balance`), 0 without depth.
-    measured : share of pixels with depth. certainty : mean of the largest probability of the
-        context, 0 without one.
-    """
-
-    cuboid: RoomCuboid
-    cost: float
-    balance: NDArray[np.float64]
-    measured: float
-    certainty: float
-
-
-def refine_cuboid(
-    joint: JointEstimate,
-    geometry: DepthGeometry | None,
-    camera: CameraIntrinsics,
-    superpixels: Superpixels,
-    context: NDArray[np.float64] | None,
-    axes: ManhattanFrame,
-    scores: SceneScores | None,
-    color: NDArray[np.uint8] | None = None,
-    segments: LineSegments | None = None,
-) -> RefinedRoom:
-    """Turn the axes and move the planes of the discrete optimum to the best continuous cuboid.
-
-    With depth the refinement starts from the joint solution and from the best cuboid over candidate offsets
-    (`room_search`), keeps the better one and, where there is a picture, moves it onto the edges seen there
-    (`edge_refinement`). Without, the image decides: context and labels in equal parts. Where no context is known, the
-    labels alone are believed.
-
-    Parameters
-    ----------
-    joint : JointEstimate
-    geometry : DepthGeometry or None
-    context : (K, 6) float64 label probabilities, None where there are none.
-    axes : ManhattanFrame, in whose naming the scene network sees the walls.
-    scores : SceneScores or None
-        The face behind each part of the image, which counts besides.
-    color : (H, W, 3) uint8 or None. segments : of it, or None.
-    """
-    cuboid = joint.cuboid
-    labels = np.eye(N_LABELS)[joint.labels.astype(np.intp) - 1]
-    believed = labels if context is None else context
-    behind = None if scores is None else rename_walls(scores.layout, axes.R_room_camera, cuboid.R_room_camera)
-    certainty = 0.0 if context is None else float(np.average(context.max(axis=1), weights=superpixels.pixels))
-    start = FittedRoom(cuboid.R_room_camera, cuboid.distances, np.inf)
-    if geometry is None:
-        cells = image_cells(camera, 0.5 * believed + 0.5 * labels, superpixels.index, behind)
-        room = refine_room(cell_costs(cells, IMAGE_COSTS), start, turn=False)
-        measured = 0.0
-    else:
-        cells = room_cells(geometry, believed, superpixels.index, behind)
-        rated = cell_costs(cells)
-        starts = (rate_room(rated, start), search_room(rated, cuboid.R_room_camera))
-        limit = _HOPELESS * min(start.cost for start in starts)
-        room = min((refine_room(rated, start) for start in starts if start.cost <= limit), key=lambda room: room.cost)
-        if color is not None and segments is not None:
-            picture = RoomPicture(color, segments, superpixels.index, joint.labels == CLUTTER)
-            moved = refine_on_edges(cells, camera, picture, room.R_room_camera, room.distances)
-            room = rate_room(rated, FittedRoom(*moved, np.inf))
-        measured = geometry.measured
-    balance = balance_faces(cells, room.R_room_camera, room.distances)
-    return RefinedRoom(RoomCuboid(room.R_room_camera, room.distances), room.cost, balance, measured, certainty)
 
 
 def conclude(

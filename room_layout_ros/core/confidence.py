@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .labels import N_FACES
 from .layout import FACE_AXIS
-from .weights import WeightsError, read_arrays, write_arrays
+from .model_file import WeightsError, read_arrays, write_arrays
 
 _KIND = "room_layout confidence"
 

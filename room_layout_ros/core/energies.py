@@ -14,110 +14,18 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .cell_counts import CellCounts
-from .depth_profiles import DepthProfiles
 from .integral_geometry import face_counts
+from .joint_problem import JointProblem
 from .labelling import LabelProblem
 from .labels import FRONT_WALL, N_FACES, N_LABELS
 from .layout_search import Layout
-from .plane_fit import N_FIT, PlaneFit
+from .plane_fit import N_FIT
 from .ray_grid import N_SIDES, SIDE_FACE
 from .weights import BLOCKS, N_FEATURES, SLICES, ModelWeights, physical_table
 
-N_LAYOUT_FEATURES = 16
 _TABLE = physical_table()
 _REVERSED = [1, 0, 3, 2, 5, 4]
 _FRONT = FRONT_WALL - 1
-
-
-@dataclass(frozen=True, slots=True)
-class JointProblem:
-    """All evidence of one frame under one naming of the axes.
-
-    Attributes
-    ----------
-    counts : CellCounts
-        Of the atoms; an atom lies in one superpixel and all its pixels have one orientation.
-    atom_superpixel : (A,) int32.
-    atom_feature : (A, 16) float64, per pixel of the atom: orientation map (5, one-hot), geometric context (6), layout
-        by the scene network (5; 0 without it).
-    atom_region : (A,) uint8, the true face in learning, else 0.
-    label_gc : (K, 6) float64 probabilities of geometric context.
-    label_om : (K, 5) float64 share of each superpixel's pixels per orientation.
-    label_depth : (K, 12) float64 six cosines and six distances, each in the order of the labels (paper 3.2); 0 without
-        depth.
-    edges : (E, 2) int32 touching superpixels i < j.
-    contact : (E,) float64 length of the border times the mean side of a superpixel, share of the image.
-    relation : (E, 6) float64 0..1: i is above, below, right of, left of, in front of (farther), behind j.
-    smoothness : (E, 3) float64 0..1: 1, likeness of colour, likeness of plane.
-    profiles : depth support and violation per plane offset, None without depth.
-    fit : offsets of the superpixels along the normals, None without depth.
-    front_axis : 0..1, how far the front wall's axis is turned away from the camera's.
-    """
-
-    counts: CellCounts
-    atom_superpixel: NDArray[np.int32]
-    atom_feature: NDArray[np.float64]
-    atom_region: NDArray[np.uint8]
-    label_gc: NDArray[np.float64]
-    label_om: NDArray[np.float64]
-    label_depth: NDArray[np.float64]
-    edges: NDArray[np.int32]
-    contact: NDArray[np.float64]
-    relation: NDArray[np.float64]
-    smoothness: NDArray[np.float64]
-    profiles: DepthProfiles | None
-    fit: PlaneFit | None
-    front_axis: float = 0.0
-
-    def __post_init__(self) -> None:
-        atoms, nodes, edges = len(self.counts.pixels), len(self.label_gc), len(self.edges)
-        expected = {
-            "atom_superpixel": (atoms,),
-            "atom_feature": (atoms, N_LAYOUT_FEATURES),
-            "atom_region": (atoms,),
-            "label_gc": (nodes, N_LABELS),
-            "label_om": (nodes, N_FACES),
-            "label_depth": (nodes, 12),
-            "edges": (edges, 2),
-            "contact": (edges,),
-            "relation": (edges, 6),
-            "smoothness": (edges, 3),
-        }
-        for name, shape in expected.items():
-            array = getattr(self, name)
-            if array.shape != shape:
-                raise ValueError(f"{name} of the joint problem has shape {array.shape}; {shape} is needed")
-            if array.dtype.kind == "f" and not np.isfinite(array).all():
-                raise ValueError(f"{name} of the joint problem holds a value that is not finite")
-
-    @property
-    def pixels(self) -> float:
-        """Number of pixels counted; the unit of all shares."""
-        return float(self.counts.pixels.sum())
-
-    @property
-    def area(self) -> NDArray[np.float64]:
-        """(K,) share of the image per superpixel."""
-        return np.bincount(self.atom_superpixel, self.counts.pixels, len(self.label_gc)) / self.pixels
-
-    @property
-    def scales(self) -> NDArray[np.float64]:
-        """(C,) candidate distances of the front wall in m; [1] where depth is not known."""
-        return self.profiles.scales if self.profiles is not None else np.ones(1)
-
-    def by_superpixel(self, per_atom: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Sum (A, n) values over the atoms of each superpixel: (K, n)."""
-        return _sum_by(np.ascontiguousarray(per_atom), self.atom_superpixel, len(self.label_gc))
-
-
-@njit(cache=True, nogil=True)
-def _sum_by(values, group, groups):  # type: ignore[no-untyped-def]
-    result = np.zeros((groups, values.shape[1]))
-    for a in range(len(values)):
-        for k in range(values.shape[1]):
-            result[group[a], k] += values[a, k]
-    return result
 
 
 @dataclass(frozen=True, slots=True)

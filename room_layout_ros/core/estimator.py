@@ -6,8 +6,9 @@ from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 
-from .conclusion import conclude, refine_cuboid
+from .conclusion import conclude
 from .config import EstimatorConfig
+from .cuboid_refinement import refine_cuboid
 from .depth_estimator import estimate_from_depth
 from .estimate import RoomEstimate, Status, no_estimate
 from .frame import RgbdFrame

@@ -20,8 +20,8 @@ from .evidence.features import SuperpixelFeatures
 from .evidence.geometric_context import MAX_FEATURES, select_columns
 from .forest import Forest
 from .labels import CLUTTER, FURNITURE_NYU40
+from .model_file import WeightsError, read_arrays, write_arrays
 from .superpixels import Superpixels
-from .weights import WeightsError, read_arrays, write_arrays
 
 _KIND = "room_layout furniture"
 

@@ -12,7 +12,6 @@ from .config import EstimatorConfig
 from .depth import DepthGeometry
 from .energies import (
     ExtraCosts,
-    JointProblem,
     compatibility_costs,
     couple,
     label_problem,
@@ -20,8 +19,9 @@ from .energies import (
     superpixel_faces,
 )
 from .frame import CameraIntrinsics
+from .frame_evidence import FrameEvidence
 from .integral_geometry import PairTables, pair_tables
-from .joint_problem import FirstParts, FrameEvidence, build_joint_problem, gather_parts
+from .joint_problem import FirstParts, JointProblem, build_joint_problem, gather_parts
 from .labelling import Labelling, LabelSolver
 from .labels import FRONT_WALL, N_FACES, N_LABELS
 from .layout import RoomCuboid

@@ -1,8 +1,8 @@
-"""From the evidence of one frame to the joint problem under one naming of the axes (docs/method.md, section 6)."""
+"""The joint problem of a frame under one naming of the axes, gathered from its evidence (docs/method.md, section 6)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -14,26 +14,108 @@ from .config import EstimatorConfig
 from .depth import CELL_PX, DepthGeometry
 from .depth_cells import DepthCells, gather_depth_cells
 from .depth_profiles import DepthProfiles, compute_depth_profiles
-from .energies import ExtraCosts, JointProblem
 from .frame import CameraIntrinsics
+from .frame_evidence import SAME_NAMES, FrameEvidence
 from .labels import N_FACES, N_LABELS
-from .plane_fit import compute_plane_fit
+from .plane_fit import PlaneFit, compute_plane_fit
 from .ray_grid import compute_ray_grid
+from .superpixel_relations import compare_neighbours, compute_relations
 from .superpixels import Superpixels
 
 _N_ORIENTATIONS = N_FACES + 1
-SAME_NAMES = np.arange(_N_ORIENTATIONS, dtype=np.uint8)
-"""Of the ids of an orientation map: each keeps its own."""
-_TOLERANCE_M, _SPAN_M = 0.03, 0.30
-"""A superpixel is fully above another when it is this much and more above it."""
-_TOLERANCE_SLOPE, _SPAN_SLOPE = 0.02, 0.20
-"""The same for directions |u|, |v| where nothing is known of depth."""
-_RELATION_AXIS = ((0, 1, -1.0), (1, 1, 1.0), (2, 0, 1.0), (3, 0, -1.0), (4, 2, 1.0), (5, 2, -1.0))
-"""Column, room axis (Y is down) and sign of each relation."""
-_COLOR_SCALE = 10.0
+N_LAYOUT_FEATURES = N_FACES + N_LABELS + N_FACES
+"""Of an atom: orientation map, geometric context, layout by the scene network."""
 _MAX_CUE_M = 3.0
-_PLANE_SCALE = 0.03
-"""Relative difference of depth at which two planes are no longer one."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointProblem:
+    """All evidence of one frame under one naming of the axes.
+
+    Attributes
+    ----------
+    counts : CellCounts
+        Of the atoms; an atom lies in one superpixel and all its pixels have one orientation.
+    atom_superpixel : (A,) int32.
+    atom_feature : (A, 16) float64, per pixel of the atom: orientation map (5, one-hot), geometric context (6), layout
+        by the scene network (5; 0 without it).
+    atom_region : (A,) uint8, the true face in learning, else 0.
+    label_gc : (K, 6) float64 probabilities of geometric context.
+    label_om : (K, 5) float64 share of each superpixel's pixels per orientation.
+    label_depth : (K, 12) float64 six cosines and six distances, each in the order of the labels (paper 3.2); 0 without
+        depth.
+    edges : (E, 2) int32 touching superpixels i < j.
+    contact : (E,) float64 length of the border times the mean side of a superpixel, share of the image.
+    relation : (E, 6) float64 0..1: i is above, below, right of, left of, in front of (farther), behind j.
+    smoothness : (E, 3) float64 0..1: 1, likeness of colour, likeness of plane.
+    profiles : depth support and violation per plane offset, None without depth.
+    fit : offsets of the superpixels along the normals, None without depth.
+    front_axis : 0..1, how far the front wall's axis is turned away from the camera's.
+    """
+
+    counts: CellCounts
+    atom_superpixel: NDArray[np.int32]
+    atom_feature: NDArray[np.float64]
+    atom_region: NDArray[np.uint8]
+    label_gc: NDArray[np.float64]
+    label_om: NDArray[np.float64]
+    label_depth: NDArray[np.float64]
+    edges: NDArray[np.int32]
+    contact: NDArray[np.float64]
+    relation: NDArray[np.float64]
+    smoothness: NDArray[np.float64]
+    profiles: DepthProfiles | None
+    fit: PlaneFit | None
+    front_axis: float = 0.0
+
+    def __post_init__(self) -> None:
+        atoms, nodes, edges = len(self.counts.pixels), len(self.label_gc), len(self.edges)
+        expected = {
+            "atom_superpixel": (atoms,),
+            "atom_feature": (atoms, N_LAYOUT_FEATURES),
+            "atom_region": (atoms,),
+            "label_gc": (nodes, N_LABELS),
+            "label_om": (nodes, N_FACES),
+            "label_depth": (nodes, 12),
+            "edges": (edges, 2),
+            "contact": (edges,),
+            "relation": (edges, 6),
+            "smoothness": (edges, 3),
+        }
+        for name, shape in expected.items():
+            array = getattr(self, name)
+            if array.shape != shape:
+                raise ValueError(f"{name} of the joint problem has shape {array.shape}; {shape} is needed")
+            if array.dtype.kind == "f" and not np.isfinite(array).all():
+                raise ValueError(f"{name} of the joint problem holds a value that is not finite")
+
+    @property
+    def pixels(self) -> float:
+        """Number of pixels counted; the unit of all shares."""
+        return float(self.counts.pixels.sum())
+
+    @property
+    def area(self) -> NDArray[np.float64]:
+        """(K,) share of the image per superpixel."""
+        return np.bincount(self.atom_superpixel, self.counts.pixels, len(self.label_gc)) / self.pixels
+
+    @property
+    def scales(self) -> NDArray[np.float64]:
+        """(C,) candidate distances of the front wall in m; [1] where depth is not known."""
+        return self.profiles.scales if self.profiles is not None else np.ones(1)
+
+    def by_superpixel(self, per_atom: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sum (A, n) values over the atoms of each superpixel: (K, n)."""
+        return _sum_by(np.ascontiguousarray(per_atom), self.atom_superpixel, len(self.label_gc))
+
+
+@njit(cache=True, nogil=True)
+def _sum_by(values, group, groups):  # type: ignore[no-untyped-def]
+    result = np.zeros((groups, values.shape[1]))
+    for a in range(len(values)):
+        for k in range(values.shape[1]):
+            result[group[a], k] += values[a, k]
+    return result
 
 
 class AtomCounts(NamedTuple):
@@ -46,28 +128,6 @@ class AtomCounts(NamedTuple):
 
     counts: CellCounts
     number: NDArray[np.intp]
-
-
-@dataclass(frozen=True, slots=True)
-class FrameEvidence:
-    """What the earlier stages found under one naming of the axes; what is None is not known.
-
-    Attributes
-    ----------
-    R_room_camera : (3, 3) float64.
-    orientation : (H, W) uint8 orientation map, 0 or face id 1..5, under some naming of the axes.
-    orientation_names : (6,) uint8 what the ids 0..5 of that map are called under this one.
-    context : (K, 6) probabilities of geometric context, in the order of the labels.
-    depth_cues : (K, 12) six cosines and six distances, each in the order of the labels.
-    scene_layout : (K, 5) probabilities of the faces of the empty room, by the scene network.
-    """
-
-    R_room_camera: NDArray[np.float64]
-    orientation: NDArray[np.uint8] | None = None
-    context: NDArray[np.float64] | None = None
-    depth_cues: NDArray[np.float64] | None = None
-    scene_layout: NDArray[np.float64] | None = None
-    orientation_names: NDArray[np.uint8] = field(default_factory=lambda: SAME_NAMES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +156,7 @@ def gather_parts(superpixels: Superpixels, geometry: DepthGeometry | None, confi
     return SharedParts(
         index=sample_lattice(superpixels.index, config.layout_pixel_step),
         contact=superpixels.edge_length * np.sqrt(size / count) / size,
-        smoothness=_smoothness(superpixels, geometry is not None),
+        smoothness=compare_neighbours(superpixels, geometry is not None),
         cells=None if geometry is None else gather_depth_cells(geometry),
         cell_superpixel=centre.ravel(),
     )
@@ -196,7 +256,7 @@ def _describe_atoms(number, pixels, context, behind, by_orientation, by_region):
     """
     atoms = len(number)
     superpixel, region = np.empty(atoms, np.int32), np.zeros(atoms, np.uint8)
-    feature = np.zeros((atoms, N_FACES + N_LABELS + N_FACES))
+    feature = np.zeros((atoms, N_LAYOUT_FEATURES))
     shares, whole = np.zeros((len(context), N_FACES)), np.zeros(len(context))
     for a in range(atoms):
         k, orientation = number[a], 0
@@ -277,81 +337,6 @@ def _held(atoms, count):  # type: ignore[no-untyped-def]
     return held
 
 
-def compute_relations(
-    camera: CameraIntrinsics, superpixels: Superpixels, R: NDArray[np.float64], with_depth: bool
-) -> NDArray[np.float64]:
-    """(E, 6) float64 0..1: i above, below, right of, left of, in front of (farther), behind j (paper, Table 1).
-
-    Positions are the planes' points at the superpixels' centres, where both have one; without depth directions (u, v)
-    tell what they can, and nothing is in front or behind.
-    """
-    camera_numbers = (camera.fx, camera.fy, camera.cx, camera.cy)
-    return _relations(superpixels.center_px, superpixels.plane, superpixels.edges, R, camera_numbers, with_depth)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _position(x, y, plane, R, camera, with_depth):  # type: ignore[no-untyped-def]
-    """Point on the superpixel's plane (NaN where it has none), or with z = 0 its direction, in room axes."""
-    fx, fy, cx, cy = camera
-    u, v = (x - cx) / fx, (y - cy) / fy
-    p = R[0, 0] * u + R[0, 1] * v + R[0, 2]
-    q = R[1, 0] * u + R[1, 1] * v + R[1, 2]
-    r = R[2, 0] * u + R[2, 1] * v + R[2, 2]
-    if with_depth:
-        w = plane[0] * x + plane[1] * y + plane[2]
-        z = 1.0 / w if w > 0 else np.nan
-        return p * z, q * z, r * z
-    return (p / r, q / r, 0.0) if r > 0.1 else (np.nan, np.nan, np.nan)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _relations(centre, plane, edges, R, camera, with_depth):  # type: ignore[no-untyped-def]
-    tolerance, span = (_TOLERANCE_M, _SPAN_M) if with_depth else (_TOLERANCE_SLOPE, _SPAN_SLOPE)
-    position = np.empty((len(centre), 3))
-    for k in range(len(centre)):
-        at = _position(float(centre[k, 0]), float(centre[k, 1]), plane[k], R, camera, with_depth)
-        position[k, 0], position[k, 1], position[k, 2] = at
-    relation = np.zeros((len(edges), 6))
-    for e in range(len(edges)):
-        for column, axis, sign in _RELATION_AXIS:
-            step = sign * (position[edges[e, 0], axis] - position[edges[e, 1], axis])
-            share = (step - tolerance) / span
-            if share > 0.0:  # not where a position is NaN
-                relation[e, column] = min(share, 1.0)
-    return relation
-
-
-def _smoothness(superpixels: Superpixels, with_depth: bool) -> NDArray[np.float64]:
-    """(E, 3): 1, likeness of colour, likeness of plane."""
-    return np.asarray(
-        _likeness(superpixels.edges, superpixels.mean_lab, superpixels.center_px, superpixels.plane, with_depth)
-    )
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _likeness(edges, lab, centre, plane, with_depth):  # type: ignore[no-untyped-def]
-    result = np.ones((len(edges), 3))
-    for e in range(len(edges)):
-        i, j = edges[e, 0], edges[e, 1]
-        square = 0.0
-        for c in range(3):
-            square += (float(lab[i, c]) - float(lab[j, c])) ** 2
-        result[e, 1] = np.exp(-0.5 * square / _COLOR_SCALE**2)
-        gap = max(_plane_gap(plane[i], plane[j], centre[j]), _plane_gap(plane[j], plane[i], centre[i]))
-        like = np.exp(-0.5 * (gap / _PLANE_SCALE) ** 2) if with_depth else 0.0
-        result[e, 2] = like if like == like else 0.0
-    return result
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _plane_gap(plane, other, centre):  # type: ignore[no-untyped-def]
-    """Relative difference of inverse depth between a plane and another at the other's centre; NaN where one is none."""
-    x, y = float(centre[0]), float(centre[1])
-    mine = plane[0] * x + plane[1] * y + plane[2]
-    others = other[0] * x + other[1] * y + other[2]
-    return abs(mine - others) / abs(others)
-
-
 def _profiles(
     cells: DepthCells,
     R: NDArray[np.float64],
@@ -374,23 +359,3 @@ def _structure(context, owner):  # type: ignore[no-untyped-def]
             if known:
                 result[c, f] = min(2.0 * context[owner[c], f], 1.0)
     return result
-
-
-def loss_costs(problem: JointProblem, label_truth: NDArray[np.float64], layout_share: float = 1.0) -> ExtraCosts:
-    """Return the pixel-wise losses of labelling and layout as costs; their negatives augment inference in learning.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        Built with the true layout as `regions`.
-    label_truth : (K, 6) float64
-        Share of the image that each superpixel has of each true label; pixels without truth in none.
-    layout_share : float
-        Weight of the layout loss against the labelling loss.
-    """
-    labelled = label_truth.sum(axis=1, keepdims=True)
-    wrong = (problem.atom_region[:, None] != np.arange(1, N_FACES + 1)) & (problem.atom_region[:, None] > 0)
-    return ExtraCosts(
-        face=layout_share * wrong * (problem.counts.pixels / problem.pixels)[:, None],
-        label=labelled - label_truth,
-    )

@@ -9,8 +9,9 @@ from pathlib import Path
 from .confidence import ConfidenceModel, load_confidence
 from .evidence.geometric_context import ContextModel, load_context
 from .furniture import FurnitureModel, load_furniture
+from .model_file import WeightsError
 from .scene_network import SceneNetwork, load_network
-from .weights import ModelWeights, WeightsError, load_weights
+from .weights import ModelWeights, load_weights
 
 SCENE_FILE = "scene.npz"
 """The scene network; it sees colour only, so there is one."""

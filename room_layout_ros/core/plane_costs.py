@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .depth_profiles import curve_position, read_curve_at
-from .energies import JointProblem
+from .joint_problem import JointProblem
 from .labels import FRONT_WALL
 from .layout_search import Layout, StateCosts
 from .ray_grid import SIDE_FACE

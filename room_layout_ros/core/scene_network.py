@@ -20,8 +20,8 @@ from scipy.special import softmax
 
 from .color import blank_border
 from .labels import N_FACES, N_LABELS
+from .model_file import WeightsError, read_arrays, write_arrays
 from .scene_layers import COLUMNS, INPUT_HEIGHT, INPUT_WIDTH, N_SCORES, ROWS, SceneLayers, Work
-from .weights import WeightsError, read_arrays, write_arrays
 
 _KIND = "room_layout scene network"
 _MEAN, _SPREAD = 127.0, 128.0

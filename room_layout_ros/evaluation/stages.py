@@ -15,8 +15,8 @@ from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.evidence import pictures as evidence_pictures
 from room_layout_ros.core.evidence.depth_cues import compute_depth_cues
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.frame_evidence import classify_superpixels
-from room_layout_ros.core.joint_problem import FrameEvidence, build_joint_problem
+from room_layout_ros.core.frame_evidence import FrameEvidence, classify_superpixels
+from room_layout_ros.core.joint_problem import build_joint_problem
 from room_layout_ros.core.lines import LineSegments
 from room_layout_ros.core.observation import observe
 from room_layout_ros.core.scene_network import SceneScores

@@ -8,20 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.config import EstimatorConfig
-from ..core.energies import ExtraCosts, JointProblem, joint_features
+from ..core.energies import ExtraCosts, joint_features
 from ..core.estimate import Status
 from ..core.frame import CameraIntrinsics, RgbdFrame
 from ..core.frame_evidence import gather_hypotheses
 from ..core.integral_geometry import pair_tables
-from ..core.joint_problem import build_joint_problem, loss_costs
+from ..core.joint_problem import JointProblem, build_joint_problem
 from ..core.labels import CLUTTER, FRONT_WALL, N_FACES, N_LABELS
 from ..core.layout import RoomCuboid
 from ..core.layout_search import Layout, search_layout
 from ..core.observation import Observation, no_scene, observe
 from ..core.room_axes import angle_between_axes
-from .losses import JointLoss, joint_loss
+from .losses import JointLoss, joint_loss, loss_costs
 from .scene_folds import SceneFolds
-from .superpixel_truth import class_histogram, label_histogram, rename_walls, true_labels
+from .superpixel_truth import class_histogram, label_histogram, translate_faces, true_labels
 
 _MAX_UNEXPLAINED = 0.10
 """A frame whose true layout cannot be said within this error under any naming (wrong axes) teaches nothing."""
@@ -117,7 +117,7 @@ def build_example(
     true_layout = d.cuboid.raster(d.camera)
     problems, costs, stated = [], [], []
     for one in evidence:
-        regions = rename_walls(d.cuboid, one.R_room_camera)[true_layout]
+        regions = translate_faces(d.cuboid, one.R_room_camera)[true_layout]
         problem = build_joint_problem(d.camera, seen.superpixels, one, seen.geometry, config, regions)
         shares = _label_shares(d, one.R_room_camera)
         problems.append(problem)
@@ -154,7 +154,7 @@ def _state_truth(
 
 def _true_scale(problem: JointProblem, cuboid: RoomCuboid, R: NDArray[np.float64]) -> float:
     """The candidate scale nearest to the true distance of the wall that is called front under R."""
-    names = rename_walls(cuboid, R)
+    names = translate_faces(cuboid, R)
     distances = [cuboid.distances[k] for k in range(2, N_FACES) if names[k + 1] == FRONT_WALL]
     known = [d for d in distances if np.isfinite(d)]
     scales = problem.scales

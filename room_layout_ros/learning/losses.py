@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.energies import ExtraCosts, JointProblem
+from ..core.energies import ExtraCosts
 from ..core.integral_geometry import face_counts
-from ..core.labels import N_LABELS
+from ..core.joint_problem import JointProblem
+from ..core.labels import N_FACES, N_LABELS
 from ..core.layout_search import Layout
 
 
@@ -32,6 +33,26 @@ class JointLoss:
         return self.layout + self.labelling
 
 
+def loss_costs(problem: JointProblem, label_truth: NDArray[np.float64], layout_share: float = 1.0) -> ExtraCosts:
+    """Return the pixel-wise losses of labelling and layout as costs; their negatives augment inference in learning.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Built with the true layout as `regions`.
+    label_truth : (K, 6) float64
+        Share of the image that each superpixel has of each true label; pixels without truth in none.
+    layout_share : float
+        Weight of the layout loss against the labelling loss.
+    """
+    labelled = label_truth.sum(axis=1, keepdims=True)
+    wrong = (problem.atom_region[:, None] != np.arange(1, N_FACES + 1)) & (problem.atom_region[:, None] > 0)
+    return ExtraCosts(
+        face=layout_share * wrong * (problem.counts.pixels / problem.pixels)[:, None],
+        label=labelled - label_truth,
+    )
+
+
 def joint_loss(problem: JointProblem, costs: ExtraCosts, layout: Layout, labels: NDArray[np.int64]) -> JointLoss:
     """Return the losses of an output.
 
@@ -39,7 +60,7 @@ def joint_loss(problem: JointProblem, costs: ExtraCosts, layout: Layout, labels:
     ----------
     problem : JointProblem
     costs : ExtraCosts
-        Of `joint_problem.loss_costs`.
+        Of `loss_costs`.
     layout : state indices. labels : (K,) int64, 0..5.
     """
     share = face_counts(problem.counts, layout) / np.maximum(problem.counts.pixels, 1.0)[:, None]

@@ -35,7 +35,7 @@ def class_histogram(index: NDArray[np.int32], count: int, labels40: NDArray[np.u
     return np.bincount(flat.ravel(), minlength=count * 41).reshape(count, 41).astype(np.float32)
 
 
-def rename_walls(cuboid: RoomCuboid, R_room_camera: NDArray[np.float64]) -> NDArray[np.uint8]:
+def translate_faces(cuboid: RoomCuboid, R_room_camera: NDArray[np.float64]) -> NDArray[np.uint8]:
     """Translate the face ids of a true room to the names its faces have in other axes.
 
     A wall gets the name of the wall (left, front, right) of the other axes whose outward normal is nearest; two
@@ -63,7 +63,7 @@ def true_labels(
     """
     structure = np.zeros(256, bool)
     structure[list(STRUCTURE_NYU40)] = True
-    labels = np.where(structure[labels40], rename_walls(cuboid, R_room_camera)[layout], np.uint8(CLUTTER))
+    labels = np.where(structure[labels40], translate_faces(cuboid, R_room_camera)[layout], np.uint8(CLUTTER))
     labels[labels40 == 0] = 0
     assert N_FACES < CLUTTER
     return labels.astype(np.uint8)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..forest import Forest
 from ..labels import N_FACES, N_LABELS
-from ..weights import WeightsError, read_arrays, write_arrays
+from ..model_file import WeightsError, read_arrays, write_arrays
 from .features import SuperpixelFeatures
 
 _KIND = "room_layout geometric context"
