@@ -425,6 +425,18 @@ def test_a_camera_info_that_the_node_refuses_is_refused_in_a_bag(tmp_path: Path,
         list(open_source(write_raw(tmp_path / "bag", [bad, ("/rgb/image", IMAGE, 1, color_at(1))])))
 
 
+def test_a_folder_whose_camera_info_nobody_would_read_makes_no_bag(
+    tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = write_folder(tmp_path / "frames", make_samples(1, rng))
+    bent = replace(CameraCalibration.from_intrinsics(SMALL), D=(0.1, 0.0, 0.0, 0.0, 0.0), P=(0.0,) * 12)
+    write_calibration(folder / "camera.yaml", bent)
+    assert len(list(good_samples(open_source(folder)))) == 1, "a folder says by K what its pixels are"
+    assert main(["convert", str(folder), str(tmp_path / "bag")]) == 2
+    assert "has distortion and no projection_matrix, which a camera_info needs then" in capsys.readouterr().err
+    assert not (tmp_path / "bag" / "metadata.yaml").exists()
+
+
 def test_a_bad_camera_info_on_the_way_spoils_its_frames_only(tmp_path: Path) -> None:
     raw = bytes(messages.typestore().serialize_cdr(changed_info("uncalibrated"), INFO))
     items = []

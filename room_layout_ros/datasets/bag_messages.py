@@ -84,8 +84,19 @@ def encode_grid(
 
 
 def encode_camera_info(calibration: CameraCalibration, stamp_ns: int, frame_id: str) -> bytes:
-    """Return the CDR of a sensor_msgs/CameraInfo."""
+    """Return the CDR of a sensor_msgs/CameraInfo.
+
+    Raises
+    ------
+    DataError
+        When the lens distorts and no P says where the rectified image's rays go: nobody would read it.
+    """
     types, c = typestore().types, calibration
+    if c.is_distorted and not (c.P[0] or c.P[5]):
+        raise DataError(
+            "the camera has distortion and no projection_matrix, which a camera_info needs then; "
+            "if the images are rectified, add it to the calibration file"
+        )
     roi = types["sensor_msgs/msg/RegionOfInterest"](x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
     message = types[CAMERA_INFO](
         header=_header(stamp_ns, frame_id), height=c.height, width=c.width, distortion_model=c.distortion_model,
