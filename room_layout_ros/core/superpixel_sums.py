@@ -39,7 +39,6 @@ def accumulate(lab, w, gradient, centers, index, step, row_px, by_gradient, by_c
     sums = np.zeros((len(centers), N_SUMS))
     limit = _inlier_limits(centers)
     packed = np.zeros(width, np.int64)
-    zero, one = np.float32(0), np.float32(1)
     for row in range(first_row(step, rows), rows, step):
         y = row * row_px
         if by_color:
@@ -47,62 +46,87 @@ def accumulate(lab, w, gradient, centers, index, step, row_px, by_gradient, by_c
         x = 0
         while x < width:
             k, first = index[row, x], x
-            colors = np.int64(0)
-            seen, m, mx, mxx, mw, mxw, mww, j = zero, zero, zero, zero, zero, zero, zero, zero
-            if limit[k] == np.inf:  # all that is measured; what is not is 0
-                while x < width and index[row, x] == k:
-                    colors += packed[x]
-                    value = w[row, x]
-                    inlier = one if value > zero else zero
-                    m += inlier
-                    mx += inlier * j
-                    mxx += inlier * j * j
-                    mw += value
-                    mxw += value * j
-                    mww += value * value
-                    j += one
-                    x += 1
-                seen = m
+            if limit[k] == np.inf:
+                x, colors, run = _sum_measured(w, index, row, x, packed)
             else:
-                slope = centers[k, PA]
-                w0 = np.float32(centers[k, PC] + slope * (x - centers[k, X]) + centers[k, PB] * (y - centers[k, Y]))
-                while x < width and index[row, x] == k:
-                    colors += packed[x]
-                    value = w[row, x]
-                    measured = one if value > zero else zero
-                    inlier = measured if abs(value - w0 - slope * j) <= limit[k] else zero
-                    seen += measured
-                    m += inlier
-                    mx += inlier * j
-                    mxx += inlier * j * j
-                    mw += inlier * value
-                    mxw += inlier * value * j
-                    mww += inlier * value * value
-                    j += one
-                    x += 1
-            n, s = x - first, sums[k]
-            s[0] += n
-            s[1] += n * (first + x - 1) * 0.5
-            s[2] += n * y
-            s[3] += np.int32(colors & _CHANNEL) * L_SCALE
-            s[4] += np.int32(colors >> _CHANNEL_BITS & _CHANNEL) - n * AB_OFFSET
-            s[5] += np.int32(colors >> 2 * _CHANNEL_BITS) - n * AB_OFFSET
-            s[6] += seen
-            s[9] += m
-            s[10] += mx + m * first
-            s[11] += m * y
-            s[12] += mxx + 2.0 * first * mx + m * first * first
-            s[13] += (mx + m * first) * y
-            s[14] += m * y * y
-            s[15] += mw
-            s[16] += mxw + mw * first
-            s[17] += mw * y
-            s[18] += mww
+                x, colors, run = _sum_inliers(w, index, row, x, packed, centers[k], y, limit[k])
+            _add_run(sums[k], first, x - first, y, colors, run)
             if by_gradient:
                 for i in range(first, x):
-                    s[7] += gradient[0, row, i]
-                    s[8] += gradient[1, row, i]
+                    sums[k, 7] += gradient[0, row, i]
+                    sums[k, 8] += gradient[1, row, i]
     return sums
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _sum_measured(w, index, row, x, packed):  # type: ignore[no-untyped-def]
+    """(x behind the run that begins at x, its packed colours, its sums) of all that is measured; what is not is 0.
+
+    Sums: measured pixels, those of the plane, and of these x from the run's start, x^2, w, x w and w^2.
+    """
+    k, width, zero, one = index[row, x], index.shape[1], np.float32(0), np.float32(1)
+    colors = np.int64(0)
+    m, mx, mxx, mw, mxw, mww, j = zero, zero, zero, zero, zero, zero, zero
+    while x < width and index[row, x] == k:
+        colors += packed[x]
+        value = w[row, x]
+        inlier = one if value > zero else zero
+        m += inlier
+        mx += inlier * j
+        mxx += inlier * j * j
+        mw += value
+        mxw += value * j
+        mww += value * value
+        j += one
+        x += 1
+    return x, colors, (m, m, mx, mxx, mw, mxw, mww)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _sum_inliers(w, index, row, x, packed, center, y, limit):  # type: ignore[no-untyped-def]
+    """`_sum_measured`, of the pixels within `limit` of the centre's plane."""
+    k, width, zero, one = index[row, x], index.shape[1], np.float32(0), np.float32(1)
+    colors, slope = np.int64(0), center[PA]
+    w0 = np.float32(center[PC] + slope * (x - center[X]) + center[PB] * (y - center[Y]))
+    seen, m, mx, mxx, mw, mxw, mww, j = zero, zero, zero, zero, zero, zero, zero, zero
+    while x < width and index[row, x] == k:
+        colors += packed[x]
+        value = w[row, x]
+        measured = one if value > zero else zero
+        inlier = measured if abs(value - w0 - slope * j) <= limit else zero
+        seen += measured
+        m += inlier
+        mx += inlier * j
+        mxx += inlier * j * j
+        mw += inlier * value
+        mxw += inlier * value * j
+        mww += inlier * value * value
+        j += one
+        x += 1
+    return x, colors, (seen, m, mx, mxx, mw, mxw, mww)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _add_run(s, first, n, y, colors, run):  # type: ignore[no-untyped-def]
+    """Add the sums of a run of n pixels from x = first on, in the frame's coordinates."""
+    seen, m, mx, mxx, mw, mxw, mww = run
+    s[0] += n
+    s[1] += n * (2 * first + n - 1) * 0.5
+    s[2] += n * y
+    s[3] += np.int32(colors & _CHANNEL) * L_SCALE
+    s[4] += np.int32(colors >> _CHANNEL_BITS & _CHANNEL) - n * AB_OFFSET
+    s[5] += np.int32(colors >> 2 * _CHANNEL_BITS) - n * AB_OFFSET
+    s[6] += seen
+    s[9] += m
+    s[10] += mx + m * first
+    s[11] += m * y
+    s[12] += mxx + 2.0 * first * mx + m * first * first
+    s[13] += (mx + m * first) * y
+    s[14] += m * y * y
+    s[15] += mw
+    s[16] += mxw + mw * first
+    s[17] += mw * y
+    s[18] += mww
 
 
 @njit(cache=True, nogil=True)
@@ -155,9 +179,7 @@ def plane_of_sums(s, x0, y0):  # type: ignore[no-untyped-def]
     m = s[9]
     if m < 1:
         return 0.0, 0.0, 0.0
-    mx, my, mw = s[10] / m, s[11] / m, s[15] / m
-    xx, xy, yy = s[12] / m - mx * mx + _RIDGE_PX2, s[13] / m - mx * my, s[14] / m - my * my + _RIDGE_PX2
-    xw, yw = s[16] / m - mx * mw, s[17] / m - my * mw
+    (mx, my, mw), (xx, xy, yy, xw, yw) = _about_mean(m, s[10], s[11], s[12], s[13], s[14], s[15], s[16], s[17])
     det = xx * yy - xy * xy
     a, b = (yy * xw - xy * yw) / det, (xx * yw - xy * xw) / det
     return a, b, mw + a * (x0 - mx) + b * (y0 - my)
@@ -184,8 +206,14 @@ def _sse(m, x, y, xx, xy, yy, w, xw, yw, ww):  # type: ignore[no-untyped-def]
     """Sum of squared residuals; of all sums of m pixels, those of 1 and of the products of x, y and w."""
     if m < 1:
         return 0.0
-    mx, my, mw = x / m, y / m, w / m
-    xx, xy, yy = xx / m - mx * mx + _RIDGE_PX2, xy / m - mx * my, yy / m - my * my + _RIDGE_PX2
-    xw, yw = xw / m - mx * mw, yw / m - my * mw
+    (_, _, mw), (xx, xy, yy, xw, yw) = _about_mean(m, x, y, xx, xy, yy, w, xw, yw)
     explained = (yy * xw * xw - 2.0 * xy * xw * yw + xx * yw * yw) / (xx * yy - xy * xy)
     return max(0.0, m * (ww / m - mw * mw - explained))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _about_mean(m, x, y, xx, xy, yy, w, xw, yw):  # type: ignore[no-untyped-def]
+    """Mean (x, y, w), and mean products xx, xy, yy, xw, yw about it, those of the positions with the ridge."""
+    x, y, w = x / m, y / m, w / m
+    xx, xy, yy = xx / m - x * x + _RIDGE_PX2, xy / m - x * y, yy / m - y * y + _RIDGE_PX2
+    return (x, y, w), (xx, xy, yy, xw / m - x * w, yw / m - y * w)

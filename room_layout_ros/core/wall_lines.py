@@ -1,10 +1,9 @@
 """The walls at the height of a robot: where most of the wall's length is, not most of its pixels.
 
-Then the wall settles on the median of its lower part, whose depth was set right by the floor beside it
-(`floor_plane.remove_bias`).
-
 A cuboid's wall follows the pixels, and the nearest metre of a wall has more of them than all the rest: in a corridor
-a door recess beside the camera pulls the plane. On the floor every decimetre of the wall's length has one vote.
+a door recess beside the camera pulls the plane. On the floor every decimetre of the wall's length has one vote. Then
+the wall settles on the median of its lower part, whose depth was set right by the floor beside it
+(`floor_plane.remove_bias`).
 """
 
 from __future__ import annotations
