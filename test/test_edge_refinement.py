@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scenes import HALF, ROOM, look, seen_from_inside
 
-from room_layout_ros.core import conclusion
+from room_layout_ros.core import cuboid_refinement
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.edge_refinement import RoomPicture, refine_on_edges
@@ -117,7 +117,7 @@ def test_without_colour_nothing_is_looked_for(estimator: LayoutEstimator, monkey
     def fail(*_: object) -> None:
         raise AssertionError("there is no picture")
 
-    monkeypatch.setattr(conclusion, "refine_on_edges", fail)
+    monkeypatch.setattr(cuboid_refinement, "refine_on_edges", fail)
     assert estimator.estimate(replace(frame, color=None)).cuboid is not None
     no_color = LayoutEstimator(EstimatorConfig(use_color=False))
     assert no_color.estimate(frame).cuboid is not None
