@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -200,8 +201,6 @@ def test_a_run_in_which_no_frame_could_be_used_says_why_and_fails(
 
 
 def test_a_bad_frame_gets_a_line_with_its_error_and_the_run_goes_on(walk: Path, tmp_path: Path) -> None:
-    import shutil
-
     shutil.copytree(walk, tmp_path / "frames")
     (tmp_path / "frames" / "depth" / "000001.png").write_bytes(b"\x89PNG broken")
     assert main(["estimate", str(tmp_path / "frames"), "--out", str(tmp_path / "out")]) == 0
@@ -217,8 +216,6 @@ def test_rgb_only_does_not_look_at_the_depth(walk: Path, tmp_path: Path) -> None
     assert main(["estimate", str(walk), "--out", str(tmp_path / "a"), "--rgb-only"]) == 0
     for sample in good_samples(open_source(walk)):
         assert sample.frame.depth_m is not None
-    import shutil
-
     shutil.copytree(walk, tmp_path / "frames")
     flat = cv2.imencode(".png", np.full((480, 640), 1234, np.uint16))[1].tobytes()
     for path in (tmp_path / "frames" / "depth").iterdir():
@@ -272,6 +269,59 @@ def test_recover_goes_on_behind_the_damage_and_states_the_loss(
     assert names == names_in(open_source(damaged, recover=True))
     assert names[-1] == "frame_273", "the last one lies behind the damage"
     assert len(names) > len(names_in(open_source(damaged)))
+
+
+@pytest.mark.parametrize("command", ["estimate", "fit"])
+def test_results_do_not_replace_the_truth_of_a_frames_folder(
+    command: str, walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other, before = write_folder(tmp_path / "other", make_samples(1, np.random.default_rng(0))), files_of(walk)
+    (tmp_path / "link").symlink_to(walk)
+    assert main([command, str(walk), "--out", str(tmp_path / "link")]) == 2
+    assert "link is the input; choose another folder" in capsys.readouterr().err
+    assert files_of(walk) == before
+    theirs = files_of(other)
+    assert main([command, str(walk), "--out", str(other)]) == 2
+    assert "other is a frames folder; choose another" in capsys.readouterr().err
+    assert files_of(other) == theirs
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def test_a_second_run_replaces_the_first_and_keeps_what_is_not_of_it(walk: Path, result: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(result, out)
+    (out / "notes.txt").write_text("mine")
+    assert main(["estimate", str(walk), "--out", str(out), "--limit", "1"]) == 0
+    left = {str(p.relative_to(out)) for p in out.rglob("*") if p.is_file()}
+    assert left == {"estimates.jsonl", "notes.txt", *(f"{kind}/000000.png" for kind in KINDS)}
+    assert not (out / "overlay").exists()
+    assert [line["name"] for line in lines_of(out)] == ["000000"]
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        (None, "mine.png is of no frame of an earlier estimate; choose another folder by --out"),
+        ('{"name": "../mine"}', "estimates.jsonl line 1 names no frame"),
+        ('{"name": "mi', "estimates.jsonl line 1 names no frame"),
+    ],
+    ids=["another's image", "a path", "a cut line"],
+)
+def test_what_may_be_somebody_elses_is_refused_and_kept(
+    lines: str | None, said: str, walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "layout").mkdir()
+    (tmp_path / "mine.png").write_text("mine")
+    (tmp_path / "layout" / "mine.png").write_text("mine")
+    if lines is not None:
+        (tmp_path / "estimates.jsonl").write_text(lines)
+    before = files_of(tmp_path)
+    assert main(["estimate", str(walk), "--out", str(tmp_path)]) == 2
+    assert said in capsys.readouterr().err
+    assert files_of(tmp_path) == before
 
 
 def test_no_line_of_an_earlier_run_stays_beside_new_images(walk: Path, damaged: Path, tmp_path: Path) -> None:

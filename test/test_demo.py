@@ -129,6 +129,40 @@ def test_demo_replaces_its_own_folder_and_no_other(made: Path, tmp_path: Path) -
     assert (made / demo.MADE_BY_US).exists()
 
 
+def test_an_input_inside_the_output_folder_is_refused_and_kept(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    look = tmp_path / "look"
+    shutil.copytree(made, look)
+    (tmp_path / "link").symlink_to(look)
+    for source in (look / "input", next((tmp_path / "link" / "input").glob("*.mcap"))):
+        assert room_layout(["demo", "--no-node", "--frames", "1", "--input", str(source), "--out", str(look)]) == 2
+        assert f"lies in --out {look}, where it would be replaced" in capsys.readouterr().err
+        assert len(list(good_samples(open_source(look / "input")))) == N_FRAMES
+
+
+def test_the_next_demo_removes_what_the_last_one_wrote_and_nothing_else(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    look = tmp_path / "look"
+    shutil.copytree(made, look)
+    mine = [look / "notes.txt", look / "estimates" / "a.png", look / "log" / "mine.pdf"]
+    stale = [look / "contact-sheet-all-7.jpg", look / "log" / "player.txt", look / "log" / "ros" / "x.log"]
+    for path in (*mine, *stale):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("x")
+    again = ["demo", "--no-node", "--frames", "1", "--out", str(look)]
+    assert room_layout(again) == 0
+    assert all(path.exists() for path in mine)
+    assert not any(path.exists() for path in stale)
+    assert "1 of 1" in check_page(look)
+    (look / "results" / "mine.csv").write_text("x")
+    capsys.readouterr()
+    assert room_layout(again) == 2
+    assert "mine.csv is not of the demo, which makes results/ anew" in capsys.readouterr().err
+    assert (look / "index.html").exists(), "refused before anything is gone"
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     (

@@ -4,6 +4,7 @@ Without --input a short walk through a furnished room is rendered, with known tr
 from a frames folder or a bag. Player, estimator node and recorder are three processes that talk over DDS.
 The folder gets index.html, contact-sheet.png, free-space.png, overlay.webp, the input as a bag and the node's results
 as an MCAP.
+The next demo in the same folder replaces these files; others there are kept.
 Where ROS is not installed the same bag runs through the same estimator without the node.
 """
 
@@ -11,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-import shutil
 import sys
 from dataclasses import dataclass
 from itertools import islice
@@ -32,7 +32,7 @@ from room_layout_ros.commands.demo_pictures import (
     write_sheets,
 )
 from room_layout_ros.commands.demo_results import Recording, read_recording
-from room_layout_ros.commands.output_folder import make_folder
+from room_layout_ros.commands.output_folder import make_folder, remove_files
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
 from room_layout_ros.core.frame import RgbdFrame
@@ -45,7 +45,17 @@ from room_layout_ros.evaluation.pictures import base_image
 from room_layout_ros.extras import install_hint
 
 MADE_BY_US = ".room-layout-demo"
-"""A folder with this file was made by the demo and may be replaced by the next one."""
+"""A folder with this file was made by the demo; what it wrote there is replaced by the next one."""
+
+_BAG = ("metadata.yaml", "*.mcap")
+_WRITTEN = (
+    *("index.html", "contact-sheet.png", "contact-sheet-all-*.jpg", "free-space.png", "overlay.webp"),
+    *(f"{folder}/{pattern}" for folder in ("input", "results") for pattern in _BAG),
+    *("log/*.txt", "log/ros/*"),
+)
+"""Patterns of all files that a demo writes."""
+
+_FOLDERS = ("input", "results", "log/ros", "log")
 
 _FIRST_TIME = "the first run on a machine compiles for one to four minutes"
 
@@ -79,6 +89,8 @@ def run(arguments: argparse.Namespace) -> int:
         )
     source = _source(arguments)
     out: Path = arguments.out
+    if arguments.input is not None:
+        _refuse_inside(arguments.input, out)
     _make_folder(out)
     bag = out / "input"
     _say(f"{'render a room' if arguments.input is None else 'read the frames'}, write a bag")
@@ -131,9 +143,23 @@ def _make_folder(out: Path) -> None:
     if any(out.iterdir()):
         if not (out / MADE_BY_US).exists():
             raise DataError(f"{out} is not empty and not of an earlier demo; choose another folder by --out")
-        shutil.rmtree(out)
-        out.mkdir()
+        _remove_earlier(out)
     (out / MADE_BY_US).touch()
+
+
+def _refuse_inside(source: Path, out: Path) -> None:
+    if source.resolve().is_relative_to(out.resolve()):
+        raise DataError(f"--input {source} lies in --out {out}, where it would be replaced; choose another by --out")
+
+
+def _remove_earlier(out: Path) -> None:
+    """Remove what an earlier demo wrote; refuse before anything is gone where a bag's folder holds more."""
+    files = {path for pattern in _WRITTEN for path in out.glob(pattern) if path.is_file()}
+    for folder in ("input", "results"):
+        others = sorted(set((out / folder).glob("*")) - files)
+        if others:
+            raise DataError(f"{others[0]} is not of the demo, which makes {folder}/ anew; choose another by --out")
+    remove_files(files, (out / folder for folder in _FOLDERS))
 
 
 @dataclass(frozen=True, slots=True)

@@ -98,7 +98,7 @@ def run_live(bag: Path, out: Path, stamps_ns: Sequence[int], rate: float | None)
     results = out / "results"
     with _processes() as start:
         log = out / "log"
-        log.mkdir()
+        log.mkdir(exist_ok=True)
         recorder = start(
             "recorder", ["-m", "room_layout_ros.recording", *recorded_topics(), "--out", str(results)], environment, log
         )

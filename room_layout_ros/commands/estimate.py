@@ -9,6 +9,8 @@ DIR gets, for every frame NAME:
 A frame that cannot be used gets a line with its error. Lines come as the frames are done, each after its images, so
 a run that ends early leaves what it has done. Exit code 0 when every frame has its line, 2 on bad input: also where
 no frame could be used, and where a bag turns out damaged on the way, unless --recover asks for what can be read.
+An earlier estimate in DIR is replaced: the images that its estimates.jsonl names go. Other files there are kept; where
+one lies among the images, or DIR is a frames folder, that is refused.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from itertools import islice
 from pathlib import Path
 
 from room_layout_ros.commands.counts import add_work_arguments, count
+from room_layout_ros.commands.earlier_estimates import LINES, earlier_files
 from room_layout_ros.commands.estimate_frame import (
     FrameJob,
     FrameResult,
@@ -31,7 +34,7 @@ from room_layout_ros.commands.estimate_frame import (
     parse_settings,
 )
 from room_layout_ros.commands.interrupts import interrupts_between_items
-from room_layout_ros.commands.output_folder import make_folder
+from room_layout_ros.commands.output_folder import make_folder, refuse_frames, remove_files
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_recover_argument, add_topic_arguments, open_with_topics
 from room_layout_ros.datasets import DataError
@@ -40,14 +43,17 @@ from room_layout_ros.datasets.readable import ReadablePart
 from room_layout_ros.parallel import map_ordered
 
 KINDS = ("layout", "labels", "furniture")
-LINES = "estimates.jsonl"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `estimate`."""
     parser.add_argument("input", type=Path, metavar="INPUT", help="frames folder, rosbag2 (sqlite3, mcap) or NYU .mat")
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="folder for the results, made if missing"
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="folder for the results, made if missing; an earlier estimate there is replaced",
     )
     parser.add_argument("--limit", type=count, metavar="N", help="no more than the first N frames")
     parser.add_argument("--rgb-only", action="store_true", help="leave the depth unused")
@@ -65,7 +71,10 @@ def run(arguments: argparse.Namespace) -> int:
     config = parse_settings(arguments.set, joint_bound=True)  # nobody waits for the frame: it may be proved, too
     job = FrameJob(config, arguments.rgb_only, arguments.overlay)
     source = open_with_topics(arguments.input, arguments, arguments.recover)
+    refuse_frames("--out", arguments.out, arguments.input)
+    earlier = earlier_files(arguments.out)
     _make_folders(arguments.out, (*KINDS, "overlay") if arguments.overlay else KINDS)
+    remove_files(earlier, () if arguments.overlay else (arguments.out / "overlay",))
     work, items, written = partial(estimate_item, job), ReadablePart(source), _Written(arguments.out)
     first, length = islice(items, arguments.limit), source.length
     expected = length if arguments.limit is None else min(arguments.limit, length or arguments.limit)

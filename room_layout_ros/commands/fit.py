@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 
 from room_layout_ros.commands.counts import add_work_arguments
-from room_layout_ros.commands.output_folder import make_folder
+from room_layout_ros.commands.output_folder import make_folder, refuse_frames
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.datasets import DataError, FrameSource, open_source
 from room_layout_ros.datasets.images import write_atomically
@@ -45,6 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Fit every frame of the input."""
     job = FitJob(arguments.min_quality, arguments.max_cost, arguments.overlay)
     source = open_source(arguments.input)
+    refuse_frames("--out", arguments.out, arguments.input)
     for kind in ("layout", "rejected", *(["overlay"] if job.overlay else [])):
         make_folder("--out", arguments.out / kind)
     lines = []
