@@ -22,7 +22,9 @@ from room_layout_ros.datasets import (
     open_source,
 )
 from room_layout_ros.datasets.calibration import read_calibration, write_calibration
+from room_layout_ros.datasets.convert import copy_frames
 from room_layout_ros.datasets.images import depth_to_millimetres, read_depth
+from room_layout_ros.datasets.writers import BagWriter
 from room_layout_ros.decoding.image import depth_from_mm
 from room_layout_ros.learning.frames_apart import frames_apart, read_frame
 
@@ -229,6 +231,26 @@ def test_tum_poses_without_names_go_to_the_frames_in_order(folder: Path) -> None
     (folder / "poses.txt").write_text("".join(f"{i}.5 {i} 0 0 0 0 0 1\n" for i in range(3)))
     xs = [s.T_world_camera[0, 3] for s in good_samples(open_source(folder)) if s.T_world_camera is not None]
     assert xs == [0.0, 1.0, 2.0]
+
+
+@pytest.mark.parametrize("stamp", ["17000000001000000000", "2147483648000000000", "9" * 5000])
+def test_a_stamp_that_ros_cannot_say_is_refused(folder: Path, stamp: str) -> None:
+    (folder / "stamps.txt").write_text(f"frame_000 5\nframe_007 {stamp}\nframe_014 7\n")
+    with pytest.raises(DataError, match=rf"stamps.txt line 2: {stamp[:40]} ns; allowed is 0 to 2147483647999999999 "):
+        open_source(folder)
+    (folder / "stamps.txt").write_text("frame_000 5\nframe_007 2147483647999999999\nframe_014 7\n")
+    copy_frames(open_source(folder), BagWriter(folder.parent / "bag"))
+    assert [s.frame.stamp_ns for s in good_samples(open_source(folder.parent / "bag"))] == [5, 7, 2147483647999999999]
+
+
+def test_a_frame_without_its_stamp_is_a_bad_one_and_gets_none_invented(folder: Path) -> None:
+    (folder / "stamps.txt").write_text("frame_000 1700000000000000000\nframe_014 1700000000100000000\n")
+    items = list(open_source(folder))
+    assert [type(item) for item in items] == [Sample, BadFrame, Sample]
+    assert isinstance(items[1], BadFrame)
+    assert items[1].error == f"{folder / 'stamps.txt'} has no stamp of frame frame_007"
+    apart = [read_frame(item) for item in frames_apart(open_source(folder))]
+    assert [type(item) for item in apart] == [Sample, BadFrame, Sample]
 
 
 @pytest.mark.parametrize("make", [lambda p: None, lambda p: p.mkdir(), lambda p: p.write_bytes(b"x")])

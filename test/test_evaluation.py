@@ -106,6 +106,21 @@ def test_table_and_summary_state_the_same_means() -> None:
     assert summary["layout_error"] == pytest.approx(float(np.mean(scores[0].layout_errors)), abs=1e-6)
 
 
+def test_columns_stay_apart_whatever_is_in_them() -> None:
+    def nothing(sample: Sample) -> Prediction:
+        return Prediction.nothing(sample.frame.camera, "no room", 123456.0)
+
+    title = "ours, /a/folder/with/a/name/that/is/longer/than/the/column/was"
+    frames = [room_sample("a"), room_sample("b", 1)]
+    lines = tables.text_table([run(title, nothing, frames), run("walls", baselines.percentile_walls, frames)])
+    row = next(line for line in lines.splitlines() if line.startswith(title))
+    assert "100.00 (100.0-100.0)" in row
+    assert re.split(r"\s{2,}", row)[1:4] == ["100.00 (100.0-100.0)", "100.00", "100.00 (100.0-100.0)"]
+    for table in lines.split("\n\n"):
+        ends = {len(line) for line in table.splitlines() if line.startswith((title, "walls"))}
+        assert len(ends) == 1, "all columns end at the same place"
+
+
 @dataclass(frozen=True)
 class Run:
     """What one run of evaluate on rendered rooms printed and wrote, with everything that it can show."""
@@ -332,6 +347,7 @@ def test_a_subset_of_splits_json_is_what_is_scored(folder: Path, tmp_path: Path)
         (["{folder}", "--frames", "nonsense"], "first_two"),
         (["{folder}/missing"], "does not exist"),
         (["{folder}", "--estimates", "{folder}/rgb"], "no layout/"),
+        (["{folder}", "--estimates", "{folder}"], "has layout/, but labels/ is missing"),
         (["{folder}", "--curve", "{folder}/camera.yaml", "--out", "{tmp}"], "no curve"),
         (["{folder}", "--curve", "{folder}/nowhere.json", "--out", "{tmp}"], "cannot be read"),
         (["{folder}", "--layouts", "layouts.mat"], "NYU v2 .mat file only"),

@@ -140,6 +140,27 @@ def test_view_writes_a_recording_for_rerun(folder: Path, tmp_path: Path) -> None
         assert entity in content
 
 
+@NEEDS_RERUN
+@pytest.mark.parametrize("display", ["", ":77"])
+def test_where_no_viewer_can_be_opened_one_sentence_says_what_can_be_done(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, display: str
+) -> None:
+    import rerun
+
+    def spawn(self: object) -> None:
+        if not display:
+            raise AssertionError("the viewer logs for 20 s and dies")
+        raise RuntimeError("the transport has gone")
+
+    monkeypatch.setenv("DISPLAY", display)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(rerun.RecordingStream, "spawn", spawn)
+    assert room_layout(["view", str(folder), "--interactive"]) == 2
+    said = capsys.readouterr().err
+    assert "the viewer cannot be opened here; write a file with --rrd FILE" in said
+    assert len(said.strip().splitlines()) == 1
+
+
 @pytest.fixture
 def two(sample: Sample, tmp_path: Path) -> Path:
     """Two frames of depth alone."""

@@ -61,13 +61,14 @@ class FramesFolder:
     Attributes
     ----------
     path : the folder. calibration : of all its frames. names : of the frames, sorted.
-    stamps_ns : by name. poses : by name; may be incomplete. color : name of the folder of the colour images.
+    stamps_ns : by name; None where stamps.txt leaves the frame out, which is a bad one then.
+    poses : by name; may be incomplete. color : name of the folder of the colour images.
     """
 
     path: Path
     calibration: CameraCalibration
     names: tuple[str, ...]
-    stamps_ns: dict[str, int]
+    stamps_ns: dict[str, int | None]
     poses: dict[str, Pose]
     color: str = "rgb"
 
@@ -87,7 +88,7 @@ class FramesFolder:
             try:
                 yield self.read(name)
             except ValueError as error:
-                yield BadFrame(name, str(error), self.stamps_ns[name])
+                yield BadFrame(name, str(error), self.stamps_ns[name] or 0)
 
     def read(self, name: str) -> Sample:
         """Read one frame with its truth.
@@ -95,14 +96,17 @@ class FramesFolder:
         Raises
         ------
         DataError
-            When a file of the frame is missing or bad.
+            When a file of the frame, or its stamp, is missing or bad.
         ValueError
             When the images do not fit the camera.
         """
+        stamp_ns = self.stamps_ns[name]
+        if stamp_ns is None:
+            raise DataError(f"{self.path / 'stamps.txt'} has no stamp of frame {name}")
         color = self._image(self.color, name, COLOR_SUFFIXES, read_color)
         depth_m = self._image("depth", name, (".png",), read_depth)
         camera, frame_id = self.calibration.intrinsics, self.calibration.camera_name
-        frame = RgbdFrame(camera, color, depth_m, self.stamps_ns[name], frame_id, name)
+        frame = RgbdFrame(camera, color, depth_m, stamp_ns, frame_id, name)
         layout = self._truth("layout", name, N_FACES)
         labels40 = self._truth("labels40", name, MAX_NYU40)
         truth = None if layout is None and labels40 is None else FrameTruth(layout, labels40)
@@ -159,9 +163,9 @@ def open_folder(path: Path) -> FramesFolder:
     names = _names(path, color)
     if not names:
         raise DataError(f"{path} holds no frames; {color}/NAME.jpg or .png and depth/NAME.png are needed")
-    stamps = {name: default_stamp_ns(i) for i, name in enumerate(names)}
+    stamps: dict[str, int | None] = {name: default_stamp_ns(i) for i, name in enumerate(names)}
     if (path / "stamps.txt").exists():
-        stamps |= read_stamps(path / "stamps.txt")
+        stamps = dict.fromkeys(names) | read_stamps(path / "stamps.txt")
     poses = read_poses(path / "poses.txt", names) if (path / "poses.txt").exists() else {}
     return FramesFolder(path, calibration, names, stamps, poses, color)
 

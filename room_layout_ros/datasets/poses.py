@@ -14,6 +14,8 @@ from .errors import DataError
 
 Pose = NDArray[np.float64]
 _MAX_QUATERNION_ERROR = 1e-3
+MAX_STAMP_NS = 2**31 * 1_000_000_000 - 1
+"""Stamps of ROS have int32 seconds."""
 
 
 def read_poses(path: Path, names: Sequence[str]) -> dict[str, Pose]:
@@ -78,7 +80,7 @@ def read_stamps(path: Path) -> dict[str, int]:
     Raises
     ------
     DataError
-        When a line is something else.
+        When a line is something else, or a stamp is more than ROS can say.
     """
     stamps = {}
     for number, line in enumerate(_lines(path), 1):
@@ -87,6 +89,8 @@ def read_stamps(path: Path) -> dict[str, int]:
             continue
         if len(words) != 2 or not words[1].isdecimal():
             raise DataError(f"{path} line {number} is {line[:40]!r}; a name and whole nanoseconds are needed")
+        if len(words[1]) > 19 or int(words[1]) > MAX_STAMP_NS:
+            raise DataError(f"{path} line {number}: {words[1][:40]} ns; allowed is 0 to {MAX_STAMP_NS} (int32 seconds)")
         stamps[words[0]] = int(words[1])
     return stamps
 

@@ -94,10 +94,12 @@ def read_folder(path: Path) -> FolderPredictions:
     Raises
     ------
     DataError
-        When it holds no layouts, or its estimates.jsonl is damaged.
+        When it holds no layouts or no labels, or its estimates.jsonl is damaged.
     """
     if not (path / "layout").is_dir():
         raise DataError(f"{path} has no layout/; give the --out folder of `room-layout estimate`")
+    if not (path / "labels").is_dir():
+        raise DataError(f"{path} has layout/, but labels/ is missing, without which every frame would count as wrong")
     lines: dict[str, dict[str, Any]] = {}
     listing = path / "estimates.jsonl"
     for number, text in enumerate(listing.read_text("utf-8").splitlines() if listing.exists() else [], 1):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from room_layout_ros.extras import install_hint
 from .face_text import face_text
 
 _POINT_STRIDE = 4
+_NO_VIEWER = "the viewer cannot be opened here; write a file with --rrd FILE"
 
 
 class RerunLog:
@@ -43,10 +46,21 @@ class RerunLog:
 
     @classmethod
     def to_viewer(cls) -> RerunLog:
-        """Open the viewer; raises DataError as `to_file`."""
+        """Open the viewer.
+
+        Raises
+        ------
+        DataError
+            When Rerun is not installed, or there is no screen: the viewer would log for 20 s and die.
+        """
         rerun = _rerun()
+        if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            raise DataError(_NO_VIEWER)
         stream = rerun.RecordingStream("room_layout_ros")
-        stream.spawn()
+        try:
+            stream.spawn()
+        except RuntimeError:
+            raise DataError(_NO_VIEWER) from None
         return cls(rerun, stream)
 
     def add(self, frame: RgbdFrame, estimate: RoomEstimate, milliseconds: float) -> None:
@@ -72,8 +86,11 @@ class RerunLog:
         stream.log("milliseconds", rr.Scalars(milliseconds))
 
     def close(self) -> None:
-        """Write out what is still held back."""
-        self._stream.flush()
+        """Write out what is still held back; raises DataError where the viewer has gone."""
+        try:
+            self._stream.flush()
+        except RuntimeError:
+            raise DataError(_NO_VIEWER) from None
         self._stream.disconnect()
 
     def _points(self, frame: RgbdFrame, estimate: RoomEstimate) -> None:

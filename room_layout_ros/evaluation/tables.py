@@ -37,45 +37,51 @@ def text_table(scores: Sequence[SetScore]) -> str:
     "fixed" is the layout error with the wall names as they are, "none" counts frames without an estimate (each is
     100 % wrong), "ms" is the median per frame.
     """
-    lines = [
-        f"{'':<36}{'layout %':>18}{'fixed':>7}{'labelling %':>19}{'mean IoU':>19}{'corner %':>9}{'ms':>7}{'none':>6}",
+    heads = ("layout %", "fixed", "labelling %", "mean IoU", "corner %", "ms", "none")
+    ours = [[score.title, *_cells(score)] for score in scores]
+    theirs = [
+        [row.title, number(row.layout), "", number(row.labelling), number(row.mean_iou), "", "", ""] for row in TABLE_2
     ]
-    for score in scores:
-        figures = score.figures
-        lines.append(
-            f"{score.title:<36}"
-            f"{with_span(figures['layout_error']):>18}"
-            f"{percent(figures['layout_error_fixed_names'].value):>7}"
-            f"{with_span(figures['labelling_error']):>19}"
-            f"{with_span(figures['mean_iou']):>19}"
-            f"{percent(figures['corner_error'].value):>9}"
-            f"{number(score.milliseconds, 1):>7}"
-            f"{score.without_estimate:>6}"
-        )
-    lines.append(PUBLISHED_ON + ":")
-    lines += [
-        f"{row.title:<36}{number(row.layout):>18}{'':>7}{number(row.labelling):>19}{number(row.mean_iou):>19}"
-        for row in TABLE_2
-    ]
+    lines = _aligned([["", *heads], *ours, *theirs])
+    lines.insert(1 + len(ours), PUBLISHED_ON + ":")
     return "\n".join([*lines, "", iou_table(scores), *room_table(scores)])
+
+
+def _cells(score: SetScore) -> list[str]:
+    figures = score.figures
+    return [
+        with_span(figures["layout_error"]),
+        percent(figures["layout_error_fixed_names"].value),
+        with_span(figures["labelling_error"]),
+        with_span(figures["mean_iou"]),
+        percent(figures["corner_error"].value),
+        number(score.milliseconds, 1),
+        str(score.without_estimate),
+    ]
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return rows of cells as lines, as wide as the longest cell of each column needs."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join([row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))]).rstrip()
+        for row in rows
+    ]
 
 
 def iou_table(scores: Sequence[SetScore]) -> str:
     """Return IoU per class, as PASCAL (paper Table 4)."""
-    lines = [f"{'IoU %':<36}" + "".join(f"{name:>12}" for name in LABELS)]
-    lines += [
-        f"{s.title:<36}" + "".join(f"{percent(s.figures[f'iou.{name}'].value):>12}" for name in LABELS) for s in scores
-    ]
-    lines += [f"{r.title:<36}" + "".join(f"{v:>12.2f}" for v in r.iou) for r in TABLE_2 if r.iou]
-    return "\n".join(lines)
+    ours = [[s.title, *(percent(s.figures[f"iou.{name}"].value) for name in LABELS)] for s in scores]
+    theirs = [[r.title, *map(number, r.iou)] for r in TABLE_2 if r.iou]
+    return "\n".join(_aligned([["IoU %", *LABELS], *ours, *theirs]))
 
 
 def room_table(scores: Sequence[SetScore]) -> list[str]:
     """Return the lines of the figures in three dimensions; none where no frame has a true room."""
     if not (shown := with_rooms(scores)):
         return []
-    lines = ["", f"{'room in 3-D':<36}" + "".join(f"{head:>20}" for head, _, _ in ROOM_COLUMNS.values())]
-    return lines + [f"{s.title:<36}" + "".join(f"{cell:>20}" for cell in room_cells(s)) for s in shown]
+    heads = [head for head, _, _ in ROOM_COLUMNS.values()]
+    return ["", *_aligned([["room in 3-D", *heads], *([s.title, *room_cells(s)] for s in shown)])]
 
 
 def with_rooms(scores: Sequence[SetScore]) -> list[SetScore]:
