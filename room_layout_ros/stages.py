@@ -19,6 +19,7 @@ from .core.estimate import RoomEstimate
 from .core.floor_plane import FloorPlane
 from .core.frame import RgbdFrame
 from .core.tracking import TemporalPrior
+from .floor_check import FloorCheck
 from .floor_pose import FloorPose
 from .inputs import ImageItem, assemble, foreign_cameras
 from .outputs import OUTPUTS
@@ -158,15 +159,16 @@ def _floor_outcome(scene: Scene) -> FloorOutcome:
     if scene.geometry is None:
         return FloorOutcome("", NO_DEPTH, frame=scene.floor_frame)
     space = scene.free_space
+    check = FloorCheck(scene.geometry, scene.estimate.labels, scene.floor, scene.estimator)
     if space is None:
         # A floor that is given with its height would have been kept.
-        missing = NO_FLOOR if scene.floor is None or scene.has_level_floor else NO_LEVEL_FLOOR
+        missing = NO_FLOOR if scene.floor is None or check.has_level_floor else NO_LEVEL_FLOOR
         return FloorOutcome("", missing, frame=scene.floor_frame)
     seen = space.source.endswith("+depth")
     return FloorOutcome(
         space.source,
         seen=seen,
-        confirmed=seen or not scene.denies_floor,
-        hidden=not seen and scene.hides_floor,
+        confirmed=seen or not check.denies_floor,
+        hidden=not seen and check.hides_floor,
         frame=scene.floor_frame,
     )
