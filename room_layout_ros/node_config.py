@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import re
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -202,9 +203,19 @@ def _scalar(value: Value) -> str:
     return json.dumps(value)
 
 
-def main(root: Path | None = None) -> None:
+def main(words: Sequence[str] | None = None) -> None:
     """Write config/estimator.yaml and the tables of docs/parameters.md anew."""
-    root = root or Path(__file__).resolve().parent.parent
+    parser = argparse.ArgumentParser(prog="python -m room_layout_ros.node_config", description=main.__doc__)
+    parser.add_argument(
+        "--root",
+        type=Path,
+        default=Path(__file__).resolve().parent.parent,
+        metavar="DIR",
+        help="clone with config/ and docs/parameters.md (default %(default)s)",
+    )
+    root = parser.parse_args(words).root
+    if not ((root / "config").is_dir() and (root / "docs" / "parameters.md").is_file()):
+        parser.error(f"{root} has no config/ or no docs/parameters.md; give a clone by --root")
     (root / "config" / "estimator.yaml").write_text(render_yaml(), "utf-8")
     page = root / "docs" / "parameters.md"
     head = page.read_text("utf-8").partition(MARK)[0]

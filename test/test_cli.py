@@ -6,6 +6,7 @@ import argparse
 import importlib
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -92,9 +93,41 @@ def test_each_command_explains_itself(command: str, capsys: pytest.CaptureFixtur
         (["convert", "MISSING", "OUT"], "does not exist"),
         (["render", "--out", "FOLDER"], "exists already"),
         (["render", "--out", "OUT", "--frames", "0"], "1 or more"),
-        (["render", "--out", "OUT", "--seed", "-3"], "--seed is -3"),
+        (
+            ["render", "--out", "OUT", "--seed", "-3"],
+            "argument --seed: '-3' is given; it must be a whole number, 0 or more",
+        ),
         (["play", "MISSING"], "does not exist"),
-        (["play", "FOLDER", "--rate", "0"], "rate is 0"),
+        (["play", "FOLDER", "--rate", "0"], "argument --rate: '0' is given; it must be a number, 0.01 to 100"),
+        (["play", "FOLDER", "--loops", "-1"], "argument --loops: '-1' is given; it must be a whole number, 0 or more"),
+        (["play", "FOLDER", "--wait-timeout", "-1"], "--wait-timeout: '-1' is given; it must be a number, 0 or more"),
+        (["convert", "FOLDER", "OUT", "--max-stamp-gap", "-1"], "--max-stamp-gap: '-1' is given; it must be a number,"),
+        (["convert", "FOLDER", "OUT", "--max-stamp-gap", "nan"], "'nan' is given; it must be a number, 0 or more"),
+        (["convert", "FOLDER", "OUT", "--to", "folder", "--jpeg", "0"], "--jpeg: '0' is given; it must be a whole"),
+        (["render", "--out", "OUT", "--jpeg", "101"], "--jpeg: '101' is given; it must be a whole number, 1 to 100"),
+        (["render", "--out", "OUT", "--small-objects", "-1"], "--small-objects: '-1' is given; it must be a whole"),
+        (["dashboard", "FOLDER", "--seconds", "-2"], "--seconds: '-2' is given; it must be a number, 0 or more"),
+        (
+            ["fit", "FOLDER", "--out", "OUT", "--min-quality", "7"],
+            "--min-quality: '7' is given; it must be a number, 0",
+        ),
+        (["fit", "FOLDER", "--out", "OUT", "--max-cost", "-1"], "--max-cost: '-1' is given; it must be a number, 0"),
+        (["train", "FOLDER", "--out", "OUT", "--trees", "0"], "--trees: '0' is given; it must be a whole number, 1 or"),
+        (["convert", "FOLDER", "OUT", "--jpeg", "90"], "--jpeg 90 is for a frames folder, and a bag is written"),
+        (["render", "--out", "OUT", "--to", "bag", "--jpeg", "9"], "--jpeg 9 is for a frames folder, and a bag is"),
+        (
+            ["render", "--out", "OUT", "--storage", "mcap"],
+            "--storage mcap is for a bag, and a frames folder is written",
+        ),
+        (["estimate", "FOLDER", "--out", "OUT", "--color-topic", "/x"], "--color-topic is for a bag, and "),
+        (["estimate", "FOLDER", "--out", "OUT", "--max-stamp-gap", "0"], "--max-stamp-gap is for a bag, and "),
+        (["estimate", "FOLDER", "--out", "OUT", "--recover"], "--recover is for a bag, and "),
+        (["convert", "FOLDER", "OUT", "--assume-registered"], "--assume-registered is for a bag, and "),
+        (["dashboard", "--color-topic", "/x"], "--color-topic is for a bag, and without INPUT the page listens"),
+        (["bench", "--depth-topic", "/x"], "--depth-topic is for a bag, and without INPUT a room is rendered"),
+        (["train", "FOLDER", "--out", "OUT", "--hold-out", "nosuch"], "--hold-out nosuch: neither one of its lists"),
+        (["calibrate", "FOLDER", "--fits", "F", "--out", "OUT", "--hold-out", "nosuch"], "--hold-out nosuch: neither"),
+        (["fit", "UNLABELLED", "--out", "OUT"], "labels40 is missing"),
         (["play", "FOLDER", "--topics", "/nowhere"], "--topics chooses from a bag, and"),
         (["evaluate", "FOLDER", "--out", "FILE"], "FILE is a file; --out needs a folder"),
         (["play", "FOLDER", "--remap", "nonsense"], "FROM:=TO"),
@@ -107,12 +140,33 @@ def test_bad_input_is_one_sentence_and_exit_code_2(
 ) -> None:
     (tmp_path / "EMPTY").mkdir()
     (tmp_path / "FILE").write_text("x")
-    places = {"FOLDER": folder, **{name: tmp_path / name for name in ("EMPTY", "FILE", "MISSING", "OUT")}}
+    shutil.copytree(folder, tmp_path / "UNLABELLED")
+    shutil.rmtree(tmp_path / "UNLABELLED" / "labels40")
+    places = {
+        "FOLDER": folder,
+        "UNLABELLED": tmp_path / "UNLABELLED",
+        **{name: tmp_path / name for name in ("EMPTY", "FILE", "MISSING", "OUT")},
+    }
     assert main([str(places.get(word, word)) for word in words]) == 2
     error = capsys.readouterr().err
     assert told in error
     assert "Traceback" not in error
     assert error.count("\n") <= 1
+
+
+def test_an_extra_that_is_missing_is_named_where_the_scene_network_is_trained(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.startswith("room_layout_ros.learning.scene_training")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    assert main(["scene", str(folder), "--fits", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
+    assert "needs PyTorch: pip install '.[network]' in the clone" in capsys.readouterr().err
+
+
+def test_play_says_what_no_loops_are(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["play", "--help"]) == 0
+    assert "0: for ever" in capsys.readouterr().out
 
 
 def test_convert_goes_both_ways(tmp_path: Path, rng: np.random.Generator) -> None:
@@ -148,6 +202,7 @@ def test_an_interrupt_ends_with_130_and_leaves_whole_lines(tmp_path: Path, rng: 
 
     samples = make_samples(1, rng)
     folder = write_folder(tmp_path / "frames", samples)
+    (folder / "stamps.txt").unlink()
     for i in range(400):
         for kind in ("rgb", "depth"):
             os.link(folder / kind / "frame_000.png", folder / kind / f"more_{i:03d}.png")

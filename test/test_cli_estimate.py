@@ -146,6 +146,7 @@ def test_a_bag_without_camera_info_is_estimated_with_a_calibration_file(
     [
         ("robot_hieght_m=1", "the estimator has no parameter robot_hieght_m; the nearest name is robot_height_m"),
         ("zzz=1", "the estimator has no parameter zzz; docs/parameters.md has all of them"),
+        ("warm_start=false", "warm_start is a parameter of the node, not of the estimator"),
         ("robot_height_m", "NAME=VALUE with a parameter of the estimator is needed"),
     ],
 )
@@ -154,6 +155,36 @@ def test_a_setting_that_is_none_is_refused(
 ) -> None:
     assert main(["estimate", str(walk), "--out", str(tmp_path), "--set", setting]) == 2
     assert f"--set {setting}: {said}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--set", "use_color=false", "--set", "use_depth=false"], "use_color and use_depth are both false"),
+        (["--rgb-only", "--set", "use_color=false"], "--rgb-only leaves the depth unused, and use_color is false"),
+    ],
+)
+@pytest.mark.parametrize(
+    "command", [["estimate", "--out", "OUT"], ["view"], ["bench"], ["evaluate"]], ids=lambda c: c[0]
+)
+def test_with_neither_stream_there_is_nothing_to_estimate(
+    command: list[str], words: list[str], said: str, walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name, *more = [word.replace("OUT", str(tmp_path / "out")) for word in command]
+    assert main([name, str(walk), *more, *words]) == 2
+    assert f"{said}; the estimator needs at least one of the two streams" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("name", "read"), [("images", False), ("image", True)])
+def test_colour_that_is_not_read_is_told_once(
+    name: str, read: bool, walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(walk, tmp_path / "frames")
+    (tmp_path / "frames" / "rgb").rename(tmp_path / "frames" / name)
+    assert main(["estimate", str(tmp_path / "frames"), "--out", str(tmp_path / "out")]) == 0
+    told = "is read as depth alone: it has no colour in a folder of the names rgb/, color/, image/; images/ is not read"
+    assert capsys.readouterr().err.count(told) == (not read)
 
 
 def test_the_first_frames_alone_are_estimated_where_that_is_asked(

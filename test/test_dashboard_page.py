@@ -150,7 +150,7 @@ def test_the_room_is_drawn_in_the_colors_of_its_faces(page: Page, room: Room) ->
         assert share_of_color(pixels, LABEL_COLORS[face]) > 2e-4, LABEL_NAMES[face]
 
 
-def test_free_space_is_in_metres_around_the_robot(page: Page, room: Room) -> None:
+def test_free_space_is_in_metres_around_the_floor_below_the_camera(page: Page, room: Room) -> None:
     (plan,) = page.traces("plan", "t.type === 'heatmap' ? {z: t.z, x0: t.x0, dx: t.dx, y0: t.y0, dy: t.dy} : null")[:1]
     assert room.grid is not None
     grid = room.grid
@@ -158,6 +158,8 @@ def test_free_space_is_in_metres_around_the_robot(page: Page, room: Room) -> Non
     half = grid.resolution_m / 2
     assert (plan["y0"], plan["x0"]) == pytest.approx((grid.origin_m[0] + half, grid.origin_m[1] + half))
     assert (plan["dx"], plan["dy"]) == pytest.approx((grid.resolution_m, grid.resolution_m))
+    marks = page.traces("plan", "t.type === 'scatter' ? [t.x, t.y, t.text] : null")
+    assert [[0], [0], ["camera"]] in marks, "where the robot's frame lies is not known here"
 
 
 def test_hovering_over_the_free_space_says_what_is_there(page: Page, room: Room) -> None:

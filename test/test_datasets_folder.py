@@ -23,6 +23,7 @@ from room_layout_ros.datasets import (
 )
 from room_layout_ros.datasets.calibration import read_calibration, write_calibration
 from room_layout_ros.datasets.convert import copy_frames
+from room_layout_ros.datasets.folder import unread_color
 from room_layout_ros.datasets.images import depth_to_millimetres, read_depth
 from room_layout_ros.datasets.writers import BagWriter
 from room_layout_ros.decoding.image import depth_from_mm
@@ -88,6 +89,27 @@ def test_the_colour_folder_may_have_the_name_of_other_data_sets(folder: Path, na
     bad = list(open_source(folder))[1]
     assert isinstance(bad, BadFrame)
     assert f"{name}/frame_007.png is missing" in bad.error
+
+
+def test_what_of_a_folder_is_not_read_is_told(folder: Path) -> None:
+    assert unread_color(folder) == ""
+    for kind, picture in (("rgb", "frame_007.PNG"), ("depth", "frame_007.PNG")):
+        (folder / kind / "frame_007.png").rename(folder / kind / picture)
+        assert f"1 files in {folder / kind} are not read, as frame_007.PNG; names must end in .png" in unread_color(
+            folder
+        )
+        (folder / kind / picture).rename(folder / kind / "frame_007.png")
+    for path in [*folder.glob("rgb/*.png"), *folder.glob("depth/*.png")]:
+        path.rename(path.with_suffix(".PNG"))
+    with pytest.raises(DataError, match=r"holds no frames; .* are needed \(3 files in .*rgb are not read, as"):
+        open_source(folder)
+    for path in folder.glob("depth/*.PNG"):
+        path.rename(path.with_suffix(".png"))
+    (folder / "rgb").rename(folder / "images")
+    assert unread_color(folder) == (
+        f"{folder} is read as depth alone: it has no colour in a folder of the names rgb/, color/, image/; "
+        "images/ is not read"
+    )
 
 
 def test_two_folders_that_may_be_the_colour_are_refused_unless_one_is_rgb(folder: Path) -> None:

@@ -168,7 +168,10 @@ def test_the_next_demo_removes_what_the_last_one_wrote_and_nothing_else(
     (
         (["--input", "/no/such/bag"], "does not exist"),
         (["--frames", "0"], "1 or more"),
-        (["--rate", "0"], "0.01 to 10"),
+        (["--rate", "0"], "argument --rate: '0' is given; it must be a number, 0.01 to 10"),
+        (["--seed", "-1"], "argument --seed: '-1' is given; it must be a whole number, 0 or more"),
+        (["--camera", "camera.yaml"], "--camera is for a bag, and without --input a room is rendered"),
+        (["--max-stamp-gap", "0.1"], "--max-stamp-gap is for a bag, and without --input a room is rendered"),
         (["--input", "{tmp}"], "no frames folder"),
     ),
 )

@@ -333,6 +333,13 @@ def test_the_time_of_files_is_what_they_say_and_nothing_else(
     assert "nan ms" not in (tmp_path / "out" / "report.html").read_text("utf-8")
 
 
+def test_without_colour_the_colour_alone_is_not_scored(folder: Path, tmp_path: Path) -> None:
+    """It would be wrong in every pixel, for no fault of the estimator."""
+    arguments = ["evaluate", str(folder), "--frames", "first_two", "--baseline", "none", "--no-report"]
+    assert room_layout([*arguments, "--set", "use_color=false", "--out", str(tmp_path)]) == 0
+    assert set(json.loads((tmp_path / "summary.json").read_text())["methods"]) == {"ours, RGB-D"}
+
+
 def test_a_subset_of_splits_json_is_what_is_scored(folder: Path, tmp_path: Path) -> None:
     arguments = ["evaluate", str(folder), "--frames", "first_two", "--baseline", "percentile", "--no-report"]
     assert room_layout([*arguments, "--rgb-only", "--out", str(tmp_path)]) == 0
@@ -351,10 +358,10 @@ def test_a_subset_of_splits_json_is_what_is_scored(folder: Path, tmp_path: Path)
         (["{folder}", "--curve", "{folder}/camera.yaml", "--out", "{tmp}"], "no curve"),
         (["{folder}", "--curve", "{folder}/nowhere.json", "--out", "{tmp}"], "cannot be read"),
         (["{folder}", "--layouts", "layouts.mat"], "NYU v2 .mat file only"),
-        (["{folder}", "--rendered", "3"], "either INPUT or --rendered"),
+        (["{folder}", "--rendered", "3"], "either INPUT or --rendered N is needed; both were given"),
         ([], "either INPUT or --rendered"),
         (["--rendered", "0"], "1 or more"),
-        (["--rendered", "2", "--seed", "-1"], "--seed is -1"),
+        (["--rendered", "2", "--seed", "-1"], "argument --seed: '-1' is given; it must be a whole number, 0 or more"),
         (["--rendered", "2", "--frames", "first_two"], "needs a frames folder"),
         (["{folder}", "--fits", "{folder}"], "fits.jsonl is missing"),
         (["{folder}", "--fits", "{fits}"], "holds no accepted fit; at least one is needed"),

@@ -29,6 +29,24 @@ def test_the_documented_tables_are_in_step_with_the_code(repository: Path) -> No
     )
 
 
+def test_nothing_is_written_but_by_a_call_without_mistakes(
+    repository: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "config").mkdir()
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "parameters.md").write_text(f"The head.\n{node_config.MARK}\nold")
+    before = {path: path.stat().st_mtime_ns for path in (repository / "config").iterdir()}
+    for words, code in ((["--help"], 0), (["--hepl"], 2), (["x.yaml"], 2), (["--root", str(tmp_path / "docs")], 2)):
+        with pytest.raises(SystemExit) as ended:
+            node_config.main(words)
+        assert ended.value.code == code
+    assert "docs has no config/ or no docs/parameters.md; give a clone by --root" in capsys.readouterr().err
+    assert {path: path.stat().st_mtime_ns for path in (repository / "config").iterdir()} == before
+    node_config.main(["--root", str(tmp_path)])
+    assert (tmp_path / "config" / "estimator.yaml").read_text("utf-8") == render_yaml()
+    assert (tmp_path / "docs" / "parameters.md").read_text("utf-8").startswith(f"The head.\n{node_config.MARK}\n\n## ")
+
+
 def test_the_file_holds_every_parameter_at_its_default_with_its_type() -> None:
     values = yaml.safe_load(render_yaml())["/**"]["ros__parameters"]
     assert list(values) == [row.name for row in ROWS]

@@ -205,6 +205,9 @@ def test_picture_and_viewer_refuse_alike(
         (["--out", "picture.txt"], ".png or .jpg"),
         (["--out", __file__ + "/picture.png"], "test_view.py is a file; --out needs a folder"),
         (["--rrd", "x.rrd", "--limit", "0"], "1 or more"),
+        (["--rrd", "x.rrd", "--interactive"], "--interactive and --rrd exclude each other"),
+        (["--rrd", "x.rrd", "--out", "x.png"], "--out is of a picture, and --rrd shows all stages"),
+        (["--interactive", "--stage", "layout"], "--stage is of a picture, and --interactive shows all stages"),
     ),
 )
 def test_bad_arguments_are_one_sentence_and_exit_code_2(

@@ -14,7 +14,7 @@ import cv2
 
 from room_layout_ros.commands.counts import count
 from room_layout_ros.commands.estimate_frame import parse_settings, prepared
-from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
+from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics, refuse_bag_options
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.datasets import DataError, FrameSource, good_samples
 from room_layout_ros.evaluation.speed import describe_machine, describe_speed, measure_speed
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure and print."""
-    estimator = LayoutEstimator(parse_settings(arguments.set))
+    estimator = LayoutEstimator(parse_settings(arguments.set, arguments.rgb_only))
     source = _source(arguments)
     frames = [prepared(sample.frame, arguments.rgb_only) for sample in islice(good_samples(source), arguments.frames)]
     if not frames:
@@ -55,6 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _source(arguments: argparse.Namespace) -> FrameSource:
     if arguments.input is not None:
         return open_with_topics(arguments.input, arguments)
+    refuse_bag_options(arguments, "and without INPUT a room is rendered")
     from room_layout_ros.datasets.synthetic import SyntheticSource
 
     return SyntheticSource(frames=arguments.frames, seed=RENDERED_SEED)

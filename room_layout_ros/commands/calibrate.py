@@ -17,6 +17,7 @@ from room_layout_ros.commands.counts import count
 from room_layout_ros.commands.evaluate import subset_names
 from room_layout_ros.commands.output_folder import make_folder
 from room_layout_ros.commands.progress import progress_bar
+from room_layout_ros.commands.topics import open_and_tell
 from room_layout_ros.core.confidence import save_confidence
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
@@ -24,7 +25,7 @@ from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.labels import N_FACES
 from room_layout_ros.core.models import model_file
 from room_layout_ros.core.scene_network import SceneScores
-from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, Sample, open_source
+from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, Sample
 from room_layout_ros.datasets.images import read_index
 from room_layout_ros.evaluation.confidence_fit import LEAST_FRAMES, JudgedSigns, fit_confidence, judge_signs
 from room_layout_ros.learning.origin import origin
@@ -50,12 +51,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Estimate, compare, fit, write."""
-    source = open_source(arguments.input)
+    source = open_and_tell(arguments.input)
     if not isinstance(source, FramesFolder):
         raise DataError(f"{arguments.input} is no frames folder; calibrate needs one")
     if arguments.plain and arguments.scene is not None:
         raise DataError(f"--scene {arguments.scene} and --plain exclude each other: one is with networks, one without")
-    held_out = subset_names(source, arguments.hold_out)
+    held_out = subset_names(source, arguments.hold_out, "--hold-out")
     fitted = [n for n in source.names if (arguments.fits / "layout" / f"{n}.png").is_file()]
     names = choose_names(fitted, held_out, arguments.frames)
     if len(names) < LEAST_FRAMES:

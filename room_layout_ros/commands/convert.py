@@ -10,14 +10,16 @@ import argparse
 import sys
 from pathlib import Path
 
+from room_layout_ros.commands.counts import whole
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_recover_argument, add_topic_arguments, open_with_topics
-from room_layout_ros.datasets import FrameSource
+from room_layout_ros.datasets import DataError, FrameSource
 from room_layout_ros.datasets.bag import BagSource
 from room_layout_ros.datasets.convert import Conversion, calibration_of, copy_frames
 from room_layout_ros.datasets.writers import STORAGES, BagWriter, FolderWriter
 
 MAX_NAMED = 5
+DEFAULT_STORAGE = "mcap"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,9 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_output_arguments(parser: argparse.ArgumentParser, default: str) -> None:
     """Add the options that say what is written."""
     parser.add_argument("--to", choices=("bag", "folder"), help=f"what to write (default: {default})")
-    parser.add_argument("--storage", choices=STORAGES, default="mcap", help="of a bag (default %(default)s)")
+    parser.add_argument("--storage", choices=STORAGES, help=f"of a bag (default: {DEFAULT_STORAGE})")
     parser.add_argument(
-        "--jpeg", type=int, metavar="QUALITY", help="colour of a folder as JPEG, 1 to 100 (default: PNG)"
+        "--jpeg", type=whole(1, 100), metavar="QUALITY", help="colour of a folder as JPEG, 1 to 100 (default: PNG)"
     )
 
 
@@ -49,11 +51,22 @@ def run(arguments: argparse.Namespace) -> int:
 def write_frames(
     source: FrameSource, arguments: argparse.Namespace, default: str, output: Path, recover: bool = False
 ) -> Conversion:
-    """Write all frames of a source as the options say; `recover` writes what can be read of a damaged one."""
+    """Write all frames of a source as the options say; `recover` writes what can be read of a damaged one.
+
+    Raises
+    ------
+    DataError
+        When an option is for the other kind of output, or something cannot be read or written.
+    """
+    to_bag = (arguments.to or default) == "bag"
+    if to_bag and arguments.jpeg is not None:
+        raise DataError(f"--jpeg {arguments.jpeg} is for a frames folder, and a bag is written")
+    if not to_bag and arguments.storage is not None:
+        raise DataError(f"--storage {arguments.storage} is for a bag, and a frames folder is written")
     calibration = calibration_of(source)
     writer: BagWriter | FolderWriter
-    if (arguments.to or default) == "bag":
-        writer = BagWriter(output, calibration, arguments.storage)
+    if to_bag:
+        writer = BagWriter(output, calibration, arguments.storage or DEFAULT_STORAGE)
     else:
         writer = FolderWriter(output, calibration, arguments.jpeg)
     with progress_bar("write", source.length) as progress:

@@ -14,10 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
+from room_layout_ros.commands.counts import real
 from room_layout_ros.commands.dashboard_ears import SETTLE_S, Ears
 from room_layout_ros.commands.dashboard_room import MOST_POINTS, Cloud, Room
 from room_layout_ros.commands.dashboard_server import HOST, Board, serve
-from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
+from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics, refuse_bag_options
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
@@ -41,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("input", type=Path, nargs="?", metavar="INPUT", help="default: listen to the running node")
     parser.add_argument("--port", type=int, default=8641, help="of the page, 0 takes a free one (default %(default)s)")
     parser.add_argument("--loop", action="store_true", help="start again at the end of the input")
-    parser.add_argument("--seconds", type=float, metavar="S", help="end after this time (default: Ctrl-C)")
+    parser.add_argument("--seconds", type=real(0), metavar="S", help="end after this time (default: Ctrl-C)")
     parser.add_argument("--node", default="/estimator", metavar="NAME", help="node to listen to (default %(default)s)")
     add_topic_arguments(parser)
 
@@ -50,6 +51,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Serve the page until interrupted."""
     if not 0 <= arguments.port <= 65535:
         raise DataError(f"--port is {arguments.port}; allowed is 0 to 65535")
+    if arguments.input is None:
+        refuse_bag_options(arguments, "and without INPUT the page listens to the node")
     end = float("inf") if arguments.seconds is None else time.monotonic() + arguments.seconds
     source = None if arguments.input is None else open_with_topics(arguments.input, arguments)
     board = Board(f"node {arguments.node}", SETTLE_S) if source is None else Board(source.title)

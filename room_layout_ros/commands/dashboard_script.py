@@ -73,7 +73,7 @@ function drawRoom(state) {
 const CELLS = ["unknown", "free", "occupied"], SHADES = ["#262c35", "#6db0ff", "#ffb454"];
 const STEPS = SHADES.flatMap((shade, k) => [[k / 3, shade], [(k + 1) / 3, shade]]);
 function planTraces(grid) {
-  const traces = [{type: "scatter", mode: "markers+text", x: [0], y: [0], text: ["robot"], name: "robot",
+  const traces = [{type: "scatter", mode: "markers+text", x: [0], y: [0], text: ["camera"], name: "camera",
     textposition: "bottom center", hoverinfo: "skip", cliponaxis: false,
     marker: {symbol: "triangle-up", size: 14, color: "#fff"}}];
   if (!grid) return traces;

@@ -20,7 +20,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from room_layout_ros.commands.counts import count
+from room_layout_ros.commands.counts import count, real, seed
 from room_layout_ros.commands.demo_offline import run_offline
 from room_layout_ros.commands.demo_page import DemoFacts, demo_html
 from room_layout_ros.commands.demo_pictures import (
@@ -34,7 +34,7 @@ from room_layout_ros.commands.demo_pictures import (
 from room_layout_ros.commands.demo_results import Recording, read_recording
 from room_layout_ros.commands.output_folder import make_folder, remove_files
 from room_layout_ros.commands.progress import progress_bar
-from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
+from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics, refuse_bag_options
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.datasets import BadFrame, DataError, FrameSource, Sample, open_source
 from room_layout_ros.datasets.images import write_atomically
@@ -70,9 +70,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--frames", type=count, metavar="N", help=f"at most N frames (default all; rendered {RENDERED_FRAMES})"
     )
-    parser.add_argument("--seed", type=int, default=RENDERED_SEED, help="of the rendered room")
+    parser.add_argument("--seed", type=seed, default=RENDERED_SEED, help="of the rendered room")
     parser.add_argument(
-        "--rate", type=float, help="play at this multiple of real time (default: as fast as all are estimated)"
+        "--rate",
+        type=real(0.01, 10),
+        metavar="X",
+        help="play at this multiple of real time (default: as fast as all are estimated)",
     )
     parser.add_argument("--no-node", action="store_true", help="leave out ROS: no node, no DDS")
     add_topic_arguments(parser)
@@ -123,8 +126,8 @@ def ros_is_here() -> bool:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    if arguments.rate is not None and not 0.01 <= arguments.rate <= 10:
-        raise DataError(f"--rate is {arguments.rate}; allowed is 0.01 to 10")
+    if arguments.input is None:
+        refuse_bag_options(arguments, "and without --input a room is rendered")
     for module, extra in (("rosbags", "playback"), ("PIL", "viz")):
         if importlib.util.find_spec(module) is None:
             raise DataError(f"the demo needs {module}: {install_hint(extra)}")

@@ -68,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Estimate every frame of the input."""
-    config = parse_settings(arguments.set, joint_bound=True)  # nobody waits for the frame: it may be proved, too
+    config = parse_settings(arguments.set, arguments.rgb_only, joint_bound=True)  # nobody waits: it may be proved, too
     job = FrameJob(config, arguments.rgb_only, arguments.overlay)
     source = open_with_topics(arguments.input, arguments, arguments.recover)
     refuse_frames("--out", arguments.out, arguments.input)

@@ -21,6 +21,7 @@ from room_layout_ros.core.labels import FACES, LABEL_NAMES
 from room_layout_ros.core.layout import FacePolygon
 from room_layout_ros.datasets import BadFrame, DataError, Sample
 from room_layout_ros.datasets.images import encode_image
+from room_layout_ros.node_config import NodeConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,19 +41,20 @@ class FrameResult:
     files: Mapping[str, bytes] = field(default_factory=dict)
 
 
-def parse_settings(settings: Sequence[str], **defaults: Value) -> EstimatorConfig:
+def parse_settings(settings: Sequence[str], rgb_only: bool = False, **defaults: Value) -> EstimatorConfig:
     """Return the configuration with NAME=VALUE words applied.
 
     Parameters
     ----------
     settings : words of the command line.
+    rgb_only : the option that leaves the depth unused is given.
     **defaults
         Settings that the command has otherwise than the table; the words come before them.
 
     Raises
     ------
     DataError
-        When a name is unknown or a value not allowed.
+        When a name is unknown, a value not allowed, or neither colour nor depth is used.
     """
     table = {parameter.name: parameter for parameter in parameters()}
     values: dict[str, Any] = dict(defaults)
@@ -61,6 +63,8 @@ def parse_settings(settings: Sequence[str], **defaults: Value) -> EstimatorConfi
         if not equals:
             raise DataError(f"--set {setting}: NAME=VALUE with a parameter of the estimator is needed")
         if name not in table:
+            if name in {parameter.name for parameter in parameters(NodeConfig)}:
+                raise DataError(f"--set {setting}: {name} is a parameter of the node, not of the estimator")
             hint = nearest_name(name, table, "docs/parameters.md has all of them")
             raise DataError(f"--set {setting}: the estimator has no parameter {name}; {hint}")
         try:
@@ -68,9 +72,14 @@ def parse_settings(settings: Sequence[str], **defaults: Value) -> EstimatorConfi
         except ValueError as error:
             raise DataError(f"--set {setting}: {error}") from None
     try:
-        return EstimatorConfig(**values)
+        config = EstimatorConfig(**values)
     except ValueError as error:
         raise DataError(f"--set: {error}") from None
+    if not config.use_color and (rgb_only or not config.use_depth):
+        both = "--rgb-only leaves the depth unused, and use_color is false"
+        both = both if config.use_depth else "use_color and use_depth are both false"
+        raise DataError(f"{both}; the estimator needs at least one of the two streams")
+    return config
 
 
 def _value(text: str, kind: type) -> object:

@@ -94,9 +94,9 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def subset_names(source: FrameSource, subset: str | None) -> tuple[str, ...]:
-    """Return the names of a subset of a frames folder as --frames has it; none without a subset."""
-    chosen = None if subset is None else choose_frames(source, subset)
+def subset_names(source: FrameSource, subset: str | None, option: str) -> tuple[str, ...]:
+    """Return the names of a subset of a frames folder that an option names as --frames does; none without one."""
+    chosen = None if subset is None else choose_frames(source, subset, option=option)
     return chosen.names if isinstance(chosen, FramesFolder) else ()
 
 
@@ -123,10 +123,11 @@ def _methods(arguments: argparse.Namespace, source: FrameSource) -> dict[str, Me
     if arguments.estimates is not None:
         methods[f"ours, {arguments.estimates}"] = read_folder(arguments.estimates)
     else:
-        config = parse_settings(arguments.set)
+        config = parse_settings(arguments.set, arguments.rgb_only)
         if not arguments.rgb_only:
             methods["ours, RGB-D"] = EstimatorMethod(config)
-        methods["ours, RGB"] = EstimatorMethod(config, rgb_only=True)
+        if config.use_color:
+            methods["ours, RGB"] = EstimatorMethod(config, rgb_only=True)
     wanted = arguments.baseline or list(BASELINES)
     if "none" in wanted:
         return methods

@@ -6,10 +6,11 @@ import argparse
 import json
 from pathlib import Path
 
-from room_layout_ros.commands.counts import count
+from room_layout_ros.commands.counts import count, seed
+from room_layout_ros.commands.topics import open_and_tell
 from room_layout_ros.core.labels import FACES, N_FACES
 from room_layout_ros.core.layout import RoomCuboid
-from room_layout_ros.datasets import DataError, FramesFolder, FrameSource, open_source
+from room_layout_ros.datasets import DataError, FramesFolder, FrameSource
 from room_layout_ros.datasets.frame_names import find_name
 from room_layout_ros.datasets.nyu import NyuSource, open_nyu
 from room_layout_ros.datasets.nyu_truth import read_class_map, read_layouts
@@ -48,7 +49,7 @@ def add_input_arguments(parser: argparse.ArgumentParser) -> None:
         "--scene", choices=("random", *KINDS), default="cuboid", help="rendered rooms (default %(default)s)"
     )
     parser.add_argument("--noise", choices=tuple(NOISES), default="kinect", help="their sensor (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=2013, metavar="N", help="their seed (default %(default)s)")
+    parser.add_argument("--seed", type=seed, default=2013, metavar="N", help="their seed (default %(default)s)")
 
 
 def open_input(arguments: argparse.Namespace) -> FrameSource:
@@ -67,19 +68,19 @@ def open_input(arguments: argparse.Namespace) -> FrameSource:
 
 
 def _open(arguments: argparse.Namespace) -> FrameSource:
-    if (arguments.rendered is None) == (arguments.input is None):
+    if arguments.rendered is None and arguments.input is None:
         raise DataError("either INPUT or --rendered N is needed")
+    if arguments.rendered is not None and arguments.input is not None:
+        raise DataError(f"either INPUT or --rendered N is needed; both were given: {arguments.input} and --rendered")
     apart = arguments.layouts is not None or arguments.classes40 is not None or arguments.face_ids is not None
     if apart and (arguments.input is None or arguments.input.suffix != ".mat"):
         raise DataError("--layouts, --face-ids and --classes40 go with an NYU v2 .mat file only")
     if arguments.face_ids is not None and arguments.layouts is None:
         raise DataError("--face-ids says how to read --layouts; give that too")
-    if arguments.seed < 0:
-        raise DataError(f"--seed is {arguments.seed}; it must be 0 or more")
     if arguments.rendered is not None:
         return SyntheticSource(arguments.rendered, arguments.seed, arguments.scene, arguments.noise, walk=False)
     if not apart:
-        return open_source(arguments.input)
+        return open_and_tell(arguments.input)
     return open_nyu(
         arguments.input,
         layouts=None if arguments.layouts is None else read_layouts(arguments.layouts, _face_ids(arguments.face_ids)),
@@ -99,13 +100,17 @@ def _face_ids(text: str | None) -> tuple[int, ...]:
     return ids
 
 
-def choose_frames(source: FrameSource, subset: str | None, rooms: dict[str, RoomCuboid] | None = None) -> FrameSource:
+def choose_frames(
+    source: FrameSource, subset: str | None, rooms: dict[str, RoomCuboid] | None = None, option: str = "--frames"
+) -> FrameSource:
     """Return the source restricted to a named subset; without one, to the frames known to have a true layout.
 
     Parameters
     ----------
     rooms : dict, optional
         Fitted rooms by name, which count as layouts.
+    option : str
+        What names the subset, for the words of a refusal.
 
     Raises
     ------
@@ -114,10 +119,10 @@ def choose_frames(source: FrameSource, subset: str | None, rooms: dict[str, Room
     """
     if not isinstance(source, FramesFolder | NyuSource):
         if subset is not None:
-            raise DataError(f"--frames {subset} needs a frames folder or an NYU v2 .mat; {source.title} is neither")
+            raise DataError(f"{option} {subset} needs a frames folder or an NYU v2 .mat; {source.title} is neither")
         return source
     if subset is not None:
-        return source.subset(_names(source, subset))
+        return source.subset(_names(source, subset, option))
     if isinstance(source, NyuSource):
         if source.layouts is None and not rooms:
             raise DataError(f"{source.title} holds no layouts; give the published ones by --layouts FILE")
@@ -126,7 +131,7 @@ def choose_frames(source: FrameSource, subset: str | None, rooms: dict[str, Room
     return source.subset(tuple(name for name in source.names if name in known))
 
 
-def _names(source: FramesFolder | NyuSource, subset: str) -> tuple[str, ...]:
+def _names(source: FramesFolder | NyuSource, subset: str, option: str) -> tuple[str, ...]:
     splits = _splits(source)
     if subset in splits:
         return tuple(find_name(str(entry), source.names) for entry in splits[subset])
@@ -135,7 +140,7 @@ def _names(source: FramesFolder | NyuSource, subset: str) -> tuple[str, ...]:
     names = tuple(find_name(name, source.names) for name in subset.split(",") if name)
     if not names or not set(names) <= set(source.names):
         known = ", ".join(splits) or "none"
-        raise DataError(f"--frames {subset}: neither one of its lists ({known}), nor a file, nor names of frames")
+        raise DataError(f"{option} {subset}: neither one of its lists ({known}), nor a file, nor names of frames")
     return names
 
 

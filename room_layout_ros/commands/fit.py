@@ -15,10 +15,11 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from room_layout_ros.commands.counts import add_work_arguments
+from room_layout_ros.commands.counts import add_work_arguments, real
 from room_layout_ros.commands.output_folder import make_folder, refuse_frames
 from room_layout_ros.commands.progress import progress_bar
-from room_layout_ros.datasets import DataError, FrameSource, open_source
+from room_layout_ros.commands.topics import open_and_tell
+from room_layout_ros.datasets import DataError, FramesFolder, FrameSource
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.learning.fit_frame import FITS_FILE, MAX_COST, MIN_QUALITY, FitJob, fit_item, lost_result
 from room_layout_ros.learning.frames_apart import frames_apart
@@ -30,8 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("input", type=Path, metavar="FOLDER", help="frames with depth and classes (labels40/)")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the fits, made if missing")
     parser.add_argument("--overlay", action="store_true", help="write overlay pictures too")
-    parser.add_argument("--min-quality", type=float, default=MIN_QUALITY, metavar="Q", help=_HELP_QUALITY)
-    parser.add_argument("--max-cost", type=float, default=MAX_COST, metavar="C", help=_HELP_COST)
+    parser.add_argument("--min-quality", type=real(0, 1), default=MIN_QUALITY, metavar="Q", help=_HELP_QUALITY)
+    parser.add_argument("--max-cost", type=real(0), default=MAX_COST, metavar="C", help=_HELP_COST)
     add_work_arguments(parser)
 
 
@@ -44,7 +45,9 @@ _HELP_COST = "accept fits with at most this mean cost per pixel (default %(defau
 def run(arguments: argparse.Namespace) -> int:
     """Fit every frame of the input."""
     job = FitJob(arguments.min_quality, arguments.max_cost, arguments.overlay)
-    source = open_source(arguments.input)
+    source = open_and_tell(arguments.input)
+    if isinstance(source, FramesFolder) and not (source.path / "labels40").is_dir():
+        raise DataError(f"{source.path / 'labels40'} is missing; the fits are made of the classes there")
     refuse_frames("--out", arguments.out, arguments.input)
     for kind in ("layout", "rejected", *(["overlay"] if job.overlay else [])):
         make_folder("--out", arguments.out / kind)

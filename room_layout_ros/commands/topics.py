@@ -1,24 +1,28 @@
-"""How a bag is read: the options of every command that reads one."""
+"""How an input is opened: the options of a bag, and a word on what is in a folder and is not read."""
 
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
-from room_layout_ros.datasets import DataError, FrameSource, open_source
+from room_layout_ros.commands.counts import real
+from room_layout_ros.datasets import DataError, FramesFolder, FrameSource, open_source
+from room_layout_ros.datasets.folder import is_frames_folder, unread_color
 from room_layout_ros.datasets.source import is_bag
 
-_OPTIONS = ("color_topic", "depth_topic", "color_info_topic", "depth_info_topic")
+_TOPICS = ("color_topic", "depth_topic", "color_info_topic", "depth_info_topic")
+_OPTIONS = (*_TOPICS, "max_stamp_gap", "camera", "assume_registered", "recover")
 
 
 def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the topic options."""
     group = parser.add_argument_group("topics of a bag (found by name and type if not given)")
-    for name in _OPTIONS:
+    for name in _TOPICS:
         group.add_argument(f"--{name.replace('_', '-')}", metavar="TOPIC")
     group.add_argument(
         "--max-stamp-gap",
-        type=float,
+        type=real(0),
         metavar="SECONDS",
         help="pair colour and depth up to this far apart (default 0.02)",
     )
@@ -46,17 +50,41 @@ def open_with_topics(path: Path, arguments: argparse.Namespace, recover: bool = 
     Raises
     ------
     DataError
-        See `open_source`; also where `--camera` is given for an input that is no bag.
+        See `open_source`; also where an option is given that is for a bag, and the input is none.
     """
-    options: dict[str, object] = {n: getattr(arguments, n) for n in _OPTIONS if getattr(arguments, n) is not None}
+    if path.exists() and (not is_bag(path) or (path.is_dir() and is_frames_folder(path))):  # as `open_source` has it
+        if arguments.camera is not None:
+            raise DataError(f"--camera is for a bag, and {path} is none; a frames folder or .mat has its own camera")
+        refuse_bag_options(arguments, f"and {path} is none")
+    options: dict[str, object] = {n: getattr(arguments, n) for n in _TOPICS if getattr(arguments, n) is not None}
     if arguments.max_stamp_gap is not None:
         options["max_stamp_gap_ns"] = round(arguments.max_stamp_gap * 1e9)
     if arguments.assume_registered:
         options["assume_registered"] = True
     if arguments.camera is not None:
-        if path.exists() and not is_bag(path):
-            raise DataError(f"--camera is for a bag, and {path} is none; a frames folder or .mat has its own camera")
         options["camera"] = arguments.camera
     if recover:
         options["recover"] = True
-    return open_source(path, **options)
+    return open_and_tell(path, **options)
+
+
+def refuse_bag_options(arguments: argparse.Namespace, why: str) -> None:
+    """Refuse the options of a bag where none is read: they would change nothing.
+
+    Raises
+    ------
+    DataError
+        With the first that was given.
+    """
+    values = ((name, getattr(arguments, name, None)) for name in _OPTIONS)
+    given = [name for name, value in values if not (value is None or value is False)]  # a gap of 0 was given
+    for name in given[:1]:
+        raise DataError(f"--{name.replace('_', '-')} is for a bag, {why}")
+
+
+def open_and_tell(path: Path, **options: object) -> FrameSource:
+    """Open an input, and say on stderr where a frames folder's colour is not read though something like it is there."""
+    source = open_source(path, **options)
+    if isinstance(source, FramesFolder) and (told := unread_color(source.path)):
+        print(told, file=sys.stderr)
+    return source

@@ -20,15 +20,16 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from room_layout_ros.commands.counts import add_work_arguments, count
+from room_layout_ros.commands.counts import add_work_arguments, count, whole
 from room_layout_ros.commands.evaluate import subset_names
 from room_layout_ros.commands.output_folder import make_folder
 from room_layout_ros.commands.progress import progress_bar
+from room_layout_ros.commands.topics import open_and_tell
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.models import model_file
 from room_layout_ros.core.weights import ModelWeights, save_weights, start_weights
-from room_layout_ros.datasets import DataError, FramesFolder, open_source
+from room_layout_ros.datasets import DataError, FramesFolder
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.evaluation.c_curve import C_CURVE_FILE, CPoint, update_c_curve
 from room_layout_ros.learning import train
@@ -71,11 +72,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="passes over the examples, or rounds, at most (default %(default)s)",
     )
     add("--algorithm", choices=("one-slack", "frank-wolfe"), default="frank-wolfe", help="(default %(default)s)")
-    add("--folds", type=int, default=4, help="folds of the out-of-fold context (default %(default)s)")
-    add("--validate", type=int, default=2, metavar="K", help="folds of cross-validation of the weights, 0: none")
+    add("--folds", type=whole(2), default=4, help="folds of the out-of-fold context (default %(default)s)")
+    add("--validate", type=whole(0), default=2, metavar="K", help="folds of cross-validation of the weights, 0: none")
     add("--c-curve", type=_numbers, metavar="C,C,...", help="measure how the errors depend on C; no models are written")
-    add("--trees", type=int, metavar="N", help="trees of the context classifier (default 120, RGB 150)")
-    add("--synthetic", type=int, metavar="N", help="rendered rooms for the context classifier (default 480, RGB 0)")
+    add("--trees", type=count, metavar="N", help="trees of the context classifier (default 120, RGB 150)")
+    add(
+        "--synthetic", type=whole(0), metavar="N", help="rendered rooms for the context classifier (default 480, RGB 0)"
+    )
     add_work_arguments(parser)
 
 
@@ -101,10 +104,10 @@ def _settings(arguments: argparse.Namespace) -> ContextSettings:
 def run(arguments: argparse.Namespace) -> int:
     """Train and write the models."""
     svm = SvmConfig(arguments.c, arguments.epsilon, arguments.rounds)
-    source = open_source(arguments.input)
+    source = open_and_tell(arguments.input)
     if not isinstance(source, FramesFolder):
         raise DataError(f"{source.title} is no frames folder; training needs one with labels40/")
-    held_out = subset_names(source, arguments.hold_out)
+    held_out = subset_names(source, arguments.hold_out, "--hold-out")
     make_folder("--out", arguments.out)
     context = _settings(arguments)
     config = train.TrainConfig(svm=svm, folds=arguments.folds, algorithm=arguments.algorithm, context=context)

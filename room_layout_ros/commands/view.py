@@ -50,7 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the picture, or show the frames."""
-    config = parse_settings(arguments.set)
+    _refuse_two_ways(arguments)
+    config = parse_settings(arguments.set, arguments.rgb_only)
     source = open_with_topics(arguments.input, arguments)
     if arguments.interactive or arguments.rrd is not None:
         _to_viewer(arguments, source, config)
@@ -71,6 +72,17 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{source.title}, frame {frame.name}: {estimate.status.value}, confidence {estimate.confidence:.2f}")
     print(out)
     return 0
+
+
+def _refuse_two_ways(arguments: argparse.Namespace) -> None:
+    """Refuse options of which one would be left out without a word."""
+    picture = {"--stage": arguments.stage, "--out": arguments.out}
+    given = [name for name, value in picture.items() if value is not None]
+    if arguments.interactive and arguments.rrd is not None:
+        raise DataError("--interactive and --rrd exclude each other: one opens the viewer, one writes a file for it")
+    if given and (arguments.interactive or arguments.rrd is not None):
+        viewer = "--interactive" if arguments.interactive else "--rrd"
+        raise DataError(f"{given[0]} is of a picture, and {viewer} shows all stages in the viewer; leave one out")
 
 
 def find_frame(source: FrameSource, name: str | None) -> RgbdFrame:

@@ -162,12 +162,42 @@ def open_folder(path: Path) -> FramesFolder:
     calibration = read_calibration(path / "camera.yaml")
     names = _names(path, color)
     if not names:
-        raise DataError(f"{path} holds no frames; {color}/NAME.jpg or .png and depth/NAME.png are needed")
+        told = f" ({unread})" if (unread := unread_color(path)) else ""
+        raise DataError(f"{path} holds no frames; {color}/NAME.jpg or .png and depth/NAME.png are needed{told}")
     stamps: dict[str, int | None] = {name: default_stamp_ns(i) for i, name in enumerate(names)}
     if (path / "stamps.txt").exists():
         stamps = dict.fromkeys(names) | read_stamps(path / "stamps.txt")
     poses = read_poses(path / "poses.txt", names) if (path / "poses.txt").exists() else {}
     return FramesFolder(path, calibration, names, stamps, poses, color)
+
+
+def unread_color(path: Path) -> str:
+    """Return what of a frames folder is not read, in a sentence for people; "" where there is nothing to say.
+
+    That is depth without a colour folder of a known name, and pictures whose suffix is not of a known one.
+    """
+    known = ", ".join(f"{name}/" for name in COLOR_FOLDERS)
+    if not any((path / name).is_dir() for name in COLOR_FOLDERS):
+        others = sorted(p.name for p in path.glob("*/") if p.is_dir() and p.name not in _KNOWN and _pictures(p))
+        hint = f"; {', '.join(f'{name}/' for name in others)} is not read" if others else ""
+        return f"{path} is read as depth alone: it has no colour in a folder of the names {known}{hint}"
+    for name, suffixes in ((color_folder(path), COLOR_SUFFIXES), ("depth", (".png",))):
+        unread = [p for p in _pictures(path / name) if p.suffix not in suffixes]
+        if unread:
+            allowed = " or ".join(suffixes)
+            return (
+                f"{len(unread)} files in {path / name} are not read, as {unread[0].name}; names must end in {allowed}"
+            )
+    return ""
+
+
+_KNOWN = ("depth", "layout", "labels40")
+
+
+def _pictures(folder: Path) -> list[Path]:
+    """Return the files that are pictures by their suffix, whatever its letters."""
+    files = folder.iterdir() if folder.is_dir() else ()
+    return sorted(p for p in files if p.suffix.lower() in COLOR_SUFFIXES and not p.name.startswith("."))
 
 
 def _names(path: Path, color_name: str) -> tuple[str, ...]:
