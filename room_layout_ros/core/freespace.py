@@ -26,7 +26,7 @@ from .floor_cells import (
     sum_floor_cells,
 )
 from .floor_frame import floor_frame, room_outline, view_fan, walls_on_floor
-from .floor_plane import FloorPlane, fit_floor, remove_bias
+from .floor_plane import FloorFit, FloorPlane, fit_floor, remove_bias
 from .frame import RgbdFrame
 from .free_cells import blind_cells, decide_cells, floor_levels, occupied_cells
 from .level_things import hide_below_level_things
@@ -101,6 +101,52 @@ def compute_free_space(
         None where no floor is in view and none is given.
     """
     color = color if config.use_color else None
+    seen = _measure(geometry, estimate, config, floor, color)
+    if seen is None:
+        return None
+    cells, T_camera_floor = seen.cells, seen.T_camera_floor
+    grid, thing = _decide(seen, estimate, config, color)
+    size, (x0, y0) = cells.resolution_m, cells.origin_m
+    box = (x0, y0, x0 + grid.shape[1] * size, y0 + grid.shape[0] * size)
+    clear = in_line_of_sight(grid, blind_cells(cells), cells.corner)
+    return FreeSpace(
+        grid=grid,
+        resolution_m=size,
+        origin_m=cells.origin_m,
+        T_camera_floor=T_camera_floor,
+        camera_height_m=seen.fit.distance_m,
+        source=seen.fit.source,
+        obstacles=_cloud(seen.geometry, cells, thing, OBSTACLE_PIXEL, config.cloud_step),
+        floor=_cloud(seen.geometry, cells, clear, FLOOR_PIXEL, config.cloud_step),
+        scan=cast_scan(seen.geometry, cells, grid, T_camera_floor, config.scan_beams),
+        walls=seen.walls,
+        room_polygon_m=room_outline(seen.walls, box) if len(seen.walls) else np.empty((0, 2)),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Measured:
+    """What the depth says: floor, walls of the cuboid (n, 4), those that end the room, and sums over the cells.
+
+    `geometry` : with the slow error taken off, holes in things closed and things on their planes.
+    """
+
+    geometry: DepthGeometry
+    fit: FloorFit
+    T_camera_floor: NDArray[np.float64]
+    walls: NDArray[np.float64]
+    barriers: NDArray[np.float64]
+    cells: FloorCells
+
+
+def _measure(
+    geometry: DepthGeometry,
+    estimate: RoomEstimate,
+    config: EstimatorConfig,
+    floor: FloorPlane | None,
+    color: NDArray[np.uint8] | None,
+) -> _Measured | None:
+    """Fit the floor, mend the depth and sort its pixels into the cells of the floor; None without a floor."""
     with StageClock().beside("holes", close_holes, geometry.inverse_depth, estimate.labels, color) as holes_found:
         fit = fit_floor(geometry, estimate, config, floor, color)
         if fit is None:
@@ -115,40 +161,23 @@ def compute_free_space(
     walls = refine_walls(closed, estimate, T_camera_floor, walls)
     barriers = walls[:0] if config.free_beyond_walls else walls
     cells = sum_floor_cells(closed, holes.kind, estimate.labels, fit, T_camera_floor, barriers, config)
+    return _Measured(closed, fit, T_camera_floor, walls, barriers, cells)
+
+
+def _decide(
+    seen: _Measured, estimate: RoomEstimate, config: EstimatorConfig, color: NDArray[np.uint8] | None
+) -> tuple[NDArray[np.int8], NDArray[np.bool_]]:
+    """Return the grid, and in which cells a thing stands."""
+    cells, T, inverse_depth, camera = seen.cells, seen.T_camera_floor, seen.geometry.inverse_depth, seen.geometry.camera
+    corner, margin = cells.corner, config.obstacle_margin_m
     levels = floor_levels(cells)
     thing = occupied_cells(cells, levels, config)
     low, doubt = find_low_things(color, cells, levels, thing, config)
     thing |= low
-    camera, corner = geometry.camera, cells.corner
-    grid = decide_cells(cells, levels, thing, doubt, fit, barriers, view_fan(camera, T_camera_floor), camera.fx, config)
-    hide_overhung(
-        grid,
-        holes.inverse_depth,
-        cells.kind,
-        camera,
-        T_camera_floor,
-        corner,
-        config.robot_height_m,
-        config.obstacle_margin_m,
-    )
-    hide_below_level_things(
-        grid, holes.inverse_depth, cells.kind, estimate.labels, cells.cell, camera, T_camera_floor, corner
-    )
-    size, (x0, y0) = cells.resolution_m, cells.origin_m
-    box = (x0, y0, x0 + grid.shape[1] * size, y0 + grid.shape[0] * size)
-    return FreeSpace(
-        grid=grid,
-        resolution_m=size,
-        origin_m=cells.origin_m,
-        T_camera_floor=T_camera_floor,
-        camera_height_m=fit.distance_m,
-        source=fit.source,
-        obstacles=_cloud(closed, cells, thing, OBSTACLE_PIXEL, config.cloud_step),
-        floor=_cloud(closed, cells, in_line_of_sight(grid, blind_cells(cells), corner), FLOOR_PIXEL, config.cloud_step),
-        scan=cast_scan(closed, cells, grid, T_camera_floor, config.scan_beams),
-        walls=walls,
-        room_polygon_m=room_outline(walls, box) if len(walls) else np.empty((0, 2)),
-    )
+    grid = decide_cells(cells, levels, thing, doubt, seen.fit, seen.barriers, view_fan(camera, T), camera.fx, config)
+    hide_overhung(grid, inverse_depth, cells.kind, camera, T, corner, config.robot_height_m, margin)
+    hide_below_level_things(grid, inverse_depth, cells.kind, estimate.labels, cells.cell, camera, T, corner)
+    return grid, thing
 
 
 def free_space_of_frame(
