@@ -22,7 +22,7 @@ def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
         group.add_argument(f"--{name.replace('_', '-')}", metavar="TOPIC")
     group.add_argument(
         "--max-stamp-gap",
-        type=real(0),
+        type=real(0, 60),
         metavar="SECONDS",
         help="pair colour and depth up to this far apart (default 0.02)",
     )
