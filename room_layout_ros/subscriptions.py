@@ -209,7 +209,7 @@ class Subscriptions:
 
     def _subscribe_latched(self, stream: str) -> None:
         def callback(serialized: bytes, info: Any) -> None:
-            self._guard(f"callback of {stream}", self._take_latched, stream, serialized, info)
+            self._guard(f"callback of {stream}", self._pass_on, stream, serialized, info)
 
         self._latched[stream] = self._node.create_subscription(
             messages.CameraInfo,
@@ -228,10 +228,9 @@ class Subscriptions:
         number = info.get("publication_sequence_number")
         if number is not None:
             self._count_gap(stream, number)
-        if self._is_new(stream, serialized, info):
-            self._on_message(stream, serialized)
+        self._pass_on(stream, serialized, info)
 
-    def _take_latched(self, stream: str, serialized: bytes, info: Any) -> None:
+    def _pass_on(self, stream: str, serialized: bytes, info: Any) -> None:
         if self._is_new(stream, serialized, info):
             self._on_message(stream, serialized)
 

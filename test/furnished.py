@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
@@ -51,6 +52,13 @@ def free_space_of(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorCon
     result = compute_free_space(geometry, estimate, config, color=frame.color)
     assert result is not None
     return result
+
+
+def ahead_of(free_space: FreeSpace, ahead: tuple[float, float], half_width: float) -> NDArray[np.int8]:
+    """Cells of a rectangle before the camera, m."""
+    (x0, y0), (rows, cols) = free_space.origin_m, free_space.grid.shape
+    x, y = x0 + 0.05 * (np.arange(cols) + 0.5), y0 + 0.05 * (np.arange(rows) + 0.5)
+    return np.asarray(free_space.grid[np.ix_(np.abs(y) < half_width, (x > ahead[0]) & (x < ahead[1]))])
 
 
 def empty(*solids: Solid) -> SyntheticRoom:

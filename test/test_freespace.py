@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from furnished import CONFIG, GREY, box, empty, free_space_of, no_estimate_of, with_truth
+from furnished import CONFIG, GREY, ahead_of, box, empty, free_space_of, no_estimate_of, with_truth
 from naive_free_space import naive_cells, naive_hidden
 from numpy.typing import NDArray
 
@@ -65,13 +65,6 @@ def places(sample: Sample, height: float) -> tuple[NDArray[np.float64], NDArray[
 def cell_at(free_space: FreeSpace, x: float, y: float) -> int:
     i = int((y - free_space.origin_m[1]) / free_space.resolution_m)
     return int(free_space.grid[i, int((x - free_space.origin_m[0]) / free_space.resolution_m)])
-
-
-def ahead_of(free_space: FreeSpace, ahead: tuple[float, float], half_width: float) -> NDArray[np.int8]:
-    """Cells of a rectangle before the camera, m."""
-    (x0, y0), (rows, cols) = free_space.origin_m, free_space.grid.shape
-    x, y = x0 + 0.05 * (np.arange(cols) + 0.5), y0 + 0.05 * (np.arange(rows) + 0.5)
-    return np.asarray(free_space.grid[np.ix_(np.abs(y) < half_width, (x > ahead[0]) & (x < ahead[1]))])
 
 
 def test_sums_equal_their_naive_twin() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from furnished import GREY, box, empty, free_space_of, with_truth
+from furnished import GREY, ahead_of, box, empty, free_space_of, with_truth
 from naive_level_things import naive_below
 from numpy.typing import NDArray
 
@@ -100,10 +100,7 @@ def test_below_a_table_at_the_cameras_height_nothing_is_free(height: float, nois
     top = Solid(0.7, 0.0, 0.0, 0.8, 1.4, 0.71, 0.75, 5, GREY, thing=1)
     room = empty(top, *(box(0.7 + x, y, 0.05, 0.71) for x in (-0.35, 0.35) for y in (-0.65, 0.65)))
     sample = render(room, KINECT, camera_pose(-1.4, 0.0, height, 0.0, -0.15), NOISES[noise], np.random.default_rng(5))
-    grid = free_space_of(sample.frame, with_truth(sample))
-    (x0, y0), (rows, cols) = grid.origin_m, grid.grid.shape
-    ahead, aside = x0 + 0.05 * (np.arange(cols) + 0.5), y0 + 0.05 * (np.arange(rows) + 0.5)
-    free = grid.grid == FREE_CELL
+    found = free_space_of(sample.frame, with_truth(sample))
     # its top covers 1.7-2.5 m ahead, 0.7 m to either side
-    assert not free[np.ix_(abs(aside) < 0.65, (ahead > 1.75) & (ahead < 2.45))].any()
-    assert free[np.ix_(abs(aside) < 0.3, (ahead > 1.2) & (ahead < 1.5))].mean() > 0.7  # stereo loses some floor
+    assert not (ahead_of(found, (1.75, 2.45), 0.65) == FREE_CELL).any()
+    assert (ahead_of(found, (1.2, 1.5), 0.3) == FREE_CELL).mean() > 0.7  # stereo loses some floor

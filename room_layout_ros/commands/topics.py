@@ -8,8 +8,8 @@ from pathlib import Path
 
 from room_layout_ros.commands.counts import real
 from room_layout_ros.datasets import DataError, FramesFolder, FrameSource, open_source
-from room_layout_ros.datasets.folder import is_frames_folder, unread_color
-from room_layout_ros.datasets.source import is_bag
+from room_layout_ros.datasets.folder import unread_color
+from room_layout_ros.datasets.source import opens_as_bag
 
 _TOPICS = ("color_topic", "depth_topic", "color_info_topic", "depth_info_topic")
 _OPTIONS = (*_TOPICS, "max_stamp_gap", "camera", "assume_registered", "recover")
@@ -52,7 +52,7 @@ def open_with_topics(path: Path, arguments: argparse.Namespace, recover: bool = 
     DataError
         See `open_source`; also where an option is given that is for a bag, and the input is none.
     """
-    if path.exists() and (not is_bag(path) or (path.is_dir() and is_frames_folder(path))):  # as `open_source` has it
+    if path.exists() and not opens_as_bag(path):
         if arguments.camera is not None:
             raise DataError(f"--camera is for a bag, and {path} is none; a frames folder or .mat has its own camera")
         refuse_bag_options(arguments, f"and {path} is none")

@@ -121,10 +121,9 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
             rays = (ax / along, ay / along, along, up, along_below, up + down[2])
             if thing:
                 follows[u] = _meet(follows[u], goes_on, column, w, rays, above_floor, over, u, corner)
-                if follows[u] == _PIXEL and up > 0.0:
-                    n = _rows_to_depth(inverse, labels, v, u)
-                    rises, way = up + n * down[2], np.sqrt((ax + n * down[0]) ** 2 + (ay + n * down[1]) ** 2)
-                    column[_UNDERSIDE] = way * (up / w) / rises if rises > _LEVEL else np.inf
+                if follows[u] == _PIXEL:
+                    below = _rows_to_depth(inverse, labels, v, u)
+                    column[_UNDERSIDE] = _end_of_underside(up / w, (ax, ay, up), down, below)
             elif w <= 0.0 and labels[v, u] == CLUTTER:
                 follows[u] = _go_on_without_depth(follows[u], column, rays, above_floor, over, u, corner)
             else:
@@ -140,6 +139,19 @@ def _rows_to_depth(inverse, labels, v, u):  # type: ignore[no-untyped-def]
     while v + n < len(inverse) and inverse[v + n, u] <= 0.0 and labels[v + n, u] == CLUTTER:
         n += 1
     return n
+
+
+@njit(cache=True, nogil=True)
+def _end_of_underside(over_camera, ray, down, rows):  # type: ignore[no-untyped-def]
+    """Distance at which the ray so many rows below a pixel meets the level of that pixel; inf where it does not rise.
+
+    `over_camera` : height of the pixel over the camera, m. `ray`, `down` : ahead, to the left and up per metre of
+    depth, of the pixel and from one row to the next.
+    """
+    rises = ray[2] + rows * down[2]
+    if over_camera <= 0.0 or rises <= _LEVEL:
+        return np.inf
+    return np.sqrt((ray[0] + rows * down[0]) ** 2 + (ray[1] + rows * down[1]) ** 2) * over_camera / rises
 
 
 @njit(cache=True, nogil=True)

@@ -163,6 +163,8 @@ def _look_over_corners(grid, inverse, kind, intrinsics, T, corner, robot_height,
     rows, cols = grid.shape
     width = inverse.shape[1]
     steps = int(robot_height / _STEP_M + 1e-6)
+    up = (T[0, 2], T[1, 2], T[2, 2])
+    above_floor = -(up[0] * T[0, 3] + up[1] * T[1, 3] + up[2] * T[2, 3])
     nearest = _nearest_of_tiles(inverse)
     free, over = _free_corners(grid), np.full((rows + 1, cols + 1), SEEN, np.uint8)
     for i in range(rows + 1):
@@ -183,23 +185,21 @@ def _look_over_corners(grid, inverse, kind, intrinsics, T, corner, robot_height,
                 top = steps * _STEP_M
                 high = (px + T[0, 2] * top, py + T[1, 2] * top, pz + T[2, 2] * top)
                 if _may_hide(nearest, inverse.shape, low, high, steps, intrinsics):
-                    up = (T[0, 2], T[1, 2], T[2, 2])
-                    found = _look_over(inverse, kind, intrinsics, (px, py, pz), up, steps)
+                    found = _look_over(inverse, kind, intrinsics, (px, py, pz), up, above_floor, steps)
                     over[i, j] = over[i, j] if found == SEEN else found
     return over
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _look_over(inverse, kind, intrinsics, foot, up, steps):  # type: ignore[no-untyped-def]
+def _look_over(inverse, kind, intrinsics, foot, up, above_floor, steps):  # type: ignore[no-untyped-def]
     """How much is seen of the space over a place: `SEEN` and those after it.
 
-    `foot`, `up` : camera frame, of the place on the floor, m, and of one metre up.
+    `foot`, `up` : camera frame, of the place on the floor, m, and of one metre up. `above_floor` : m, of the camera.
     """
     fx, fy, cx, cy = intrinsics
     px, py, pz = foot
     height, width = inverse.shape
     met = hidden = low = dark = under = 0
-    above_floor = -(up[0] * px + up[1] * py + up[2] * pz)
     for k in range(1, steps + 1):
         h = k * _STEP_M
         z = pz + up[2] * h

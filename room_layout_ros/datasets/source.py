@@ -19,6 +19,11 @@ def is_bag(path: Path) -> bool:
     return path.suffix in BAG_SUFFIXES
 
 
+def opens_as_bag(path: Path) -> bool:
+    """Whether `open_source` takes a path for a bag: a frames folder is none, whatever else lies in it."""
+    return is_bag(path) and not (path.is_dir() and is_frames_folder(path))
+
+
 def open_source(path: Path | str, **options: Any) -> FrameSource:
     """Open whatever `path` is: a frames folder, a rosbag2 (sqlite3, mcap), or an NYU v2 .mat.
 
@@ -36,12 +41,12 @@ def open_source(path: Path | str, **options: Any) -> FrameSource:
     path = Path(path)
     if not path.exists():
         raise DataError(f"{path} does not exist; give a frames folder, a rosbag2 or an NYU .mat file")
-    if path.is_dir() and is_frames_folder(path):
-        return open_folder(path)
-    if is_bag(path):
+    if opens_as_bag(path):
         from .bag import open_bag
 
         return open_bag(path, **options)
+    if path.is_dir() and is_frames_folder(path):
+        return open_folder(path)
     if path.suffix == ".mat":
         from .nyu import open_nyu
 
