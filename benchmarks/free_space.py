@@ -11,14 +11,14 @@ import numpy as np
 
 from benchmarks._planes import Planes
 from room_layout_ros.core.config import EstimatorConfig
-from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
-from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.freespace import FreeSpace, compute_free_space
+from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
+from room_layout_ros.core.freespace import FreeSpace, free_space_of_frame
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import KINDS, KINECT, NOISES, SyntheticRoom, render
 from room_layout_ros.evaluation.free_space import (
+    MOUNTS,
     FreeSpaceScore,
     found_things,
     random_views,
@@ -74,10 +74,8 @@ def pooled(scores: list[FreeSpaceScore], which: str) -> float:
 
 
 def run(config: EstimatorConfig, frame: RgbdFrame, estimate: RoomEstimate) -> tuple[FreeSpace | None, float]:
-    geometry = compute_depth_geometry(frame, config)
-    assert geometry is not None
     start = time.perf_counter()
-    free_space = compute_free_space(geometry, estimate, config, color=frame.color)
+    free_space = free_space_of_frame(frame, estimate, config)
     return free_space, 1e3 * (time.perf_counter() - start)
 
 
@@ -103,12 +101,15 @@ def walks(seeds: Iterable[int], noise: str, frames: int = 8) -> Iterator[tuple[S
         yield from views_of_walk(seed, noise, frames)
 
 
-def small_things(estimator: LayoutEstimator, noise: str, size_m: float, seeds: Iterable[int]) -> tuple[int, int]:
+def small_things(
+    estimator: LayoutEstimator, noise: str, size_m: float, seeds: Iterable[int], camera: CameraIntrinsics = KINECT
+) -> tuple[int, int]:
+    """Return how many cubes of a size were found, and how many there were."""
     found = total = 0
     for seed in seeds:
         rng = np.random.default_rng([seed, SEED])
         room, pose, places = scene_with_small_things(rng, size_m)
-        frame = render(room, KINECT, pose, NOISES[noise], rng).frame
+        frame = render(room, camera, pose, NOISES[noise], rng).frame
         free_space, _ = run(estimator.config, frame, estimator.estimate(frame))
         found += found_things(free_space, places)
         total += len(places)
@@ -128,10 +129,10 @@ def main(rooms: int = ROOMS, scenes: int = SCENES, first: int = 0) -> int:
     for noise in NOISES:
         views = walks(range(SEED + first, SEED + first + WALKS), noise)
         print(score(estimator, views).line(f"walks, {noise}"), flush=True)
-    for mount in ("middle", "low"):
+    for name in ("middle", "low"):
         for noise in NOISES:
-            views = random_views(range(first, first + rooms), SEED, noise, mount=mount)
-            print(score(estimator, views).line(f"{mount}, {noise}"), flush=True)
+            views = random_views(range(first, first + rooms), SEED, noise, mount=MOUNTS[name])
+            print(score(estimator, views).line(f"{name}, {noise}"), flush=True)
     for kind in KINDS[1:]:
         views = random_views(range(first, first + max(rooms // 2, 1)), SEED, "kinect", kind)
         print(score(estimator, views).line(f"{kind}, kinect"), flush=True)

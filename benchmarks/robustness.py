@@ -111,7 +111,8 @@ def _real(estimator: LayoutEstimator, samples: list[Sample]) -> None:
     _head()
     for title, spoil in SPOILT.items():
         _row(title, estimator, ((s, _spoilt(s.frame, spoil, i)) for i, s in enumerate(samples)))
-    _row("half the resolution", estimator, ((s, _halved(s.frame)) for s in samples))
+    halved = LayoutEstimator(EstimatorConfig(working_size_px=320))
+    _row("half the resolution", halved, ((s, s.frame) for s in samples))
     depth_only = LayoutEstimator(EstimatorConfig(use_color=False))
     _row("depth only", depth_only, ((s, s.frame) for s in samples))
     _row("colour only", estimator, ((s, s.frame.without_depth()) for s in samples))
@@ -121,17 +122,6 @@ def _spoilt(frame: RgbdFrame, spoil: Spoil, index: int) -> RgbdFrame:
     assert frame.depth_m is not None
     with np.errstate(divide="ignore", invalid="ignore"):
         return replace(frame, depth_m=spoil(frame.depth_m, np.random.default_rng([SEED, index])))
-
-
-def _halved(frame: RgbdFrame) -> RgbdFrame:
-    camera = frame.camera.scaled(0.5)
-    size = (camera.width, camera.height)
-    color, depth_m = frame.color, frame.depth_m
-    if color is not None:
-        color = np.asarray(cv2.resize(color, size, interpolation=cv2.INTER_AREA), np.uint8)
-    if depth_m is not None:
-        depth_m = np.asarray(cv2.resize(depth_m, size, interpolation=cv2.INTER_NEAREST), np.float32)
-    return replace(frame, camera=camera, color=color, depth_m=depth_m)
 
 
 def _head() -> None:
@@ -147,8 +137,7 @@ def _row(title: str, estimator: LayoutEstimator, pairs: Iterable[tuple[Sample, R
         assert truth.layout is not None
         estimate = estimator.estimate(frame)
         silent += estimate.status is not Status.OK
-        layout, labels = (_enlarged(image, truth.layout.shape) for image in (estimate.layout, estimate.labels))
-        score = score_pixels(truth.layout, layout, truth.labels, labels)
+        score = score_pixels(truth.layout, estimate.layout, truth.labels, estimate.labels)
         layouts.append(100 * score.layout_error)
         labellings.append(100 * score.labelling_error)
         counts += score.labels_confusion
@@ -157,12 +146,6 @@ def _row(title: str, estimator: LayoutEstimator, pairs: Iterable[tuple[Sample, R
         f"| {np.nanmedian(labellings):.1f} | {100 * mean_iou(counts):.1f} | {silent} |",
         flush=True,
     )
-
-
-def _enlarged(image: NDArray[np.uint8], shape: tuple[int, ...]) -> NDArray[np.uint8]:
-    if image.shape == shape:
-        return image
-    return np.asarray(cv2.resize(image, shape[::-1], interpolation=cv2.INTER_NEAREST), np.uint8)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from .core.estimate import RoomEstimate
 from .core.floor_plane import FloorPlane
 from .core.frame import RgbdFrame
 from .core.freespace import FreeSpace, compute_free_space
+from .core.working_size import reduce_estimate, reduce_frame
 from .node_config import NodeConfig
 
 
@@ -26,23 +27,34 @@ class Scene:
     floor: FloorPlane | None = None
 
     @cached_property
+    def working_frame(self) -> RgbdFrame:
+        """The frame at the estimator's working size."""
+        return reduce_frame(self.frame, self.estimator.working_size_px)
+
+    @cached_property
+    def working_estimate(self) -> RoomEstimate:
+        """The estimate with its images at that size."""
+        return reduce_estimate(self.estimate, self.frame.camera, self.estimator.working_size_px)
+
+    @cached_property
     def geometry(self) -> DepthGeometry | None:
-        """Geometry of the depth image; None without (enough) depth."""
-        return compute_depth_geometry(self.frame, self.estimator)
+        """Geometry of the depth image at the working size; None without (enough) depth."""
+        return compute_depth_geometry(self.working_frame, self.estimator)
 
     @cached_property
     def free_space(self) -> FreeSpace | None:
         """Free space of the frame; None without depth or floor."""
         if self.geometry is None:
             return None
-        return compute_free_space(self.geometry, self.estimate, self.estimator, self.floor, self.frame.color)
+        estimate, color = self.working_estimate, self.working_frame.color
+        return compute_free_space(self.geometry, estimate, self.estimator, self.floor, color)
 
     @cached_property
     def objects(self) -> tuple[ObjectCuboid, ...]:
         """Things in the room; none without depth or floor."""
         if self.geometry is None or self.free_space is None:
             return ()
-        return compute_object_cuboids(self.geometry, self.estimate, self.free_space, self.estimator)
+        return compute_object_cuboids(self.geometry, self.working_estimate, self.free_space, self.estimator)
 
     @property
     def floor_frame(self) -> str:

@@ -159,7 +159,7 @@ def _floor_outcome(scene: Scene) -> FloorOutcome:
     if scene.geometry is None:
         return FloorOutcome("", NO_DEPTH, frame=scene.floor_frame)
     space = scene.free_space
-    check = FloorCheck(scene.geometry, scene.estimate.labels, scene.floor, scene.estimator)
+    check = FloorCheck(scene.geometry, scene.working_estimate.labels, scene.floor, scene.estimator)
     if space is None:
         # A floor that is given with its height would have been kept.
         missing = NO_FLOOR if scene.floor is None or check.has_level_floor else NO_LEVEL_FLOOR

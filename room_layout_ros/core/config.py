@@ -77,6 +77,10 @@ class EstimatorConfig:
 
     use_color: bool = _p(True, "use the colour image (false: depth-only operation)")
     use_depth: bool = _p(True, "use the depth image (false: the paper's RGB variant)")
+    working_size_px: int = _p(
+        640, "larger images are reduced by a whole factor, the longer side to no less; results have the full size",
+        "px", 240, 8192,
+    )  # fmt: skip
     method: str = _p(
         "joint", "joint: the learned model; depth: the simple depth estimator (a baseline)", choices=("joint", "depth")
     )
@@ -105,8 +109,8 @@ class EstimatorConfig:
     superpixel_noise_depth_m: float = _p(0.02, "noise of depth besides (steps of 8-bit depth)", "m", 0.0, 1.0)
     superpixel_noise_gradient: float = _p(0.0005, "noise of the gradient of inverse depth", "1/m/px", 1e-7, 1.0)
     # line segments and vanishing points
-    line_scale: float = _p(0.5, "line segments are sought in the image reduced by this factor", "", 0.1, 1.0)
-    line_min_length_px: float = _p(16.0, "shorter segments (in pixels of the full image) are dropped", "px", 2.0, 500.0)
+    line_scale: float = _p(0.5, "line segments are sought in the working image reduced by this factor", "", 0.1, 1.0)
+    line_min_length_px: float = _p(16.0, "shorter segments (pixels of the working image) are dropped", "px", 2.0, 500.0)
     vp_max_tilt_deg: float = _p(50.0, "largest pitch searched when axes come from lines alone", "deg", 1.0, 60.0)
     vp_max_roll_deg: float = _p(20.0, "largest roll searched when axes come from lines alone", "deg", 0.0, 45.0)
     # joint model (paper 3.2, 3.3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from .scene_network import SceneScores, compute_scene_scores
 from .stage_clock import StageClock
 from .tracking import TemporalPrior
 from .weights import uses
+from .working_size import enlarge_estimate, reduce_frame, reduction
 
 
 class LayoutEstimator:
@@ -66,6 +68,8 @@ class LayoutEstimator:
             Always; its `status` says whether a room was found.
         """
         run, config, camera = StageClock(), self.config, frame.camera
+        if reduction(camera, config.working_size_px) > 1:
+            return self._estimate_reduced(frame, prior, expired)
         seen = observe(frame, config, self.look, prior, run, with_parts=config.method == "joint")
         if isinstance(seen, Status):
             return no_estimate(seen, frame, run.timings_ms)
@@ -100,6 +104,15 @@ class LayoutEstimator:
             )  # fmt: skip
         confidence = models.confidence
         return conclude(frame, axes, superpixels, joint, room, drawn(), confidence, run.timings_ms)
+
+    def _estimate_reduced(
+        self, frame: RgbdFrame, prior: TemporalPrior | None, expired: Callable[[], bool]
+    ) -> RoomEstimate:
+        """Estimate the room at the working size, and return the estimate at that of the frame."""
+        run, size = StageClock(), self.config.working_size_px
+        small = run("reduction", reduce_frame, frame, size)
+        whole = run("enlargement", enlarge_estimate, self.estimate(small, prior, expired), frame.camera, size)
+        return replace(whole, timings_ms={**whole.timings_ms, **run.timings_ms})
 
     def look(self, frame: RgbdFrame) -> SceneScores | None:
         """Ask the scene network about a frame; None without colour or network."""

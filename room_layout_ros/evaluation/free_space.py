@@ -255,15 +255,14 @@ def floor_in_sight(
 
 
 def random_views(
-    seeds: Iterable[int], stream: int, noise: str, kind: str = "cuboid", mount: str = "high"
+    seeds: Iterable[int], stream: int, noise: str, kind: str = "cuboid", mount: Mount = MOUNTS["high"]
 ) -> Iterator[tuple[SyntheticRoom, Sample]]:
-    """Yield furnished rooms with 12 things of 3-10 cm on the floor, each from a random pose of a camera of `MOUNTS`."""
-    m = MOUNTS[mount]
+    """Yield furnished rooms with 12 things of 3-10 cm on the floor, each from a random pose of a camera."""
     for seed in seeds:
         rng = np.random.default_rng([seed, stream])
         room = random_scene(rng, kind, **_FURNISHED)
-        pose = random_pose(room, rng, m.height_m, m.pitch_deg)
-        yield room, render(room, m.camera, pose, NOISES[noise], rng, name=str(seed))
+        pose = random_pose(room, rng, mount.height_m, mount.pitch_deg)
+        yield room, render(room, mount.camera, pose, NOISES[noise], rng, name=str(seed))
 
 
 def views_of_walk(

@@ -1,0 +1,212 @@
+"""Larger images are worked on at a whole part of their size, and nothing but time tells."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from furnished import CONFIG, empty, with_truth
+from naive_working_size import naive_reduced_depth
+from numpy.typing import NDArray
+
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.estimate import RoomEstimate, Status
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
+from room_layout_ros.core.freespace import free_space_of_frame
+from room_layout_ros.core.working_size import enlarge_estimate, reduce_estimate, reduce_frame, reduction
+from room_layout_ros.datasets.sample import Sample
+from room_layout_ros.datasets.synthetic import CLEAN, KINECT, NOISES, camera_pose, random_pose, random_scene, render
+from room_layout_ros.node_config import NodeConfig
+from room_layout_ros.scene import Scene
+
+HD = CameraIntrinsics(1280, 720, 910.0, 910.0, 639.5, 359.5)
+IMAGES = ("layout", "labels", "furniture", "superpixels")
+
+
+def view(camera: CameraIntrinsics, yaw: float = 0.0) -> Sample:
+    return render(empty(), camera, camera_pose(-1.4, 0.0, 1.2, yaw, -0.35), CLEAN)
+
+
+def furnished(camera: CameraIntrinsics, seed: int, noise: str = "kinect") -> Sample:
+    rng = np.random.default_rng(seed)
+    room = random_scene(rng, "cuboid", furniture=0.6)
+    return render(room, camera, random_pose(room, rng), NOISES[noise], rng)
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "working", "step"),
+    [
+        (640, 480, 640, 1), (848, 480, 640, 1), (1279, 720, 640, 1), (1280, 720, 640, 2), (720, 1280, 640, 2),
+        (1920, 1080, 640, 3), (640, 480, 320, 2), (8192, 8192, 240, 34), (1280, 1, 640, 1), (5000, 3, 640, 3),
+    ],
+)  # fmt: skip
+def test_the_longer_side_keeps_the_working_size(width: int, height: int, working: int, step: int) -> None:
+    camera = CameraIntrinsics(width, height, 500.0, 500.0, 0.5 * width, 0.5 * height)
+    assert reduction(camera, working) == step
+
+
+def test_a_frame_no_larger_is_itself() -> None:
+    frame = view(KINECT).frame
+    assert reduce_frame(frame, 640) is frame
+    estimate = with_truth(view(KINECT))
+    assert reduce_estimate(estimate, KINECT, 640) is estimate
+
+
+@pytest.mark.parametrize("step", [2, 3, 5])
+def test_depth_is_as_its_slow_twin_says(step: int) -> None:
+    rng = np.random.default_rng(step)
+    depth = (2.0 + rng.normal(0.0, 0.03, (61, 83)) + 1.5 * (rng.random((61, 83)) < 0.3)).astype(np.float32)
+    for value in (np.nan, np.inf, -np.inf, 0.0, -1.0):
+        depth[rng.random(depth.shape) < 0.15] = value
+    depth[10:25, 20:40] = np.nan
+    camera = CameraIntrinsics(83, 61, 60.0, 60.0, 41.0, 30.0)
+    frame = RgbdFrame(camera, None, depth)
+    small = reduce_frame(frame, 83 // step)
+    assert reduction(camera, 83 // step) == step
+    assert small.depth_m is not None
+    np.testing.assert_allclose(small.depth_m, naive_reduced_depth(depth, step), rtol=1e-6)
+    assert np.isnan(small.depth_m).any()
+
+
+def test_no_depth_lies_between_a_thing_and_the_wall_behind_it() -> None:
+    depth = np.full((720, 1280), 3.0, np.float32)
+    depth[101:401, 301:701] = 1.5
+    reduced = reduce_frame(RgbdFrame(HD, None, depth), 640).depth_m
+    assert reduced is not None
+    assert set(np.unique(reduced)) == {1.5, 3.0}
+
+
+def test_depth_of_a_surface_loses_noise() -> None:
+    rng = np.random.default_rng(0)
+    depth = np.asarray(2.0 + rng.normal(0.0, 0.01, (720, 1280)), np.float32)
+    reduced = reduce_frame(RgbdFrame(HD, None, depth), 640).depth_m
+    assert reduced is not None
+    assert reduced.std() < 0.0055
+    assert abs(reduced.mean() - 2.0) < 1e-4
+
+
+def test_colour_is_the_mean_of_a_block() -> None:
+    color = np.random.default_rng(0).integers(0, 256, (721, 1283, 3), dtype=np.uint8)
+    camera = replace(HD, width=1283, height=721)
+    reduced = reduce_frame(RgbdFrame(camera, color), 640).color
+    assert reduced is not None
+    blocks = color[:720, :1282].reshape(360, 2, 641, 2, 3).astype(np.float64).mean(axis=(1, 3))
+    assert reduced.shape == blocks.shape
+    assert np.abs(reduced - blocks).max() <= 0.5
+
+
+def test_the_reduced_camera_sees_the_same_room() -> None:
+    """The scene rendered by the reduced camera has the depth of the reduced frame, but for outlines."""
+    small = reduce_frame(view(HD, 0.4).frame, 640)
+    direct = view(small.camera, 0.4).frame
+    assert small.depth_m is not None
+    assert direct.depth_m is not None
+    off = np.abs(small.depth_m - direct.depth_m)
+    assert np.quantile(off, 0.99) < 1e-3
+    shifted = np.abs(small.depth_m[:, 1:] - direct.depth_m[:, :-1])  # a pixel off would show
+    assert np.quantile(shifted, 0.5) > 1e-3
+
+
+def odd_estimate() -> tuple[RoomEstimate, CameraIntrinsics]:
+    """The truth of a furnished room at the reduced size, and a camera whose sides are no whole multiples."""
+    camera = replace(HD, width=1283, height=721)
+    sample = furnished(reduce_frame(RgbdFrame(camera, np.zeros((721, 1283, 3), np.uint8)), 640).camera, 5, "clean")
+    height, width = sample.frame.camera.height, sample.frame.camera.width
+    superpixels = np.arange(height * width, dtype=np.int32).reshape(height, width)
+    return replace(with_truth(sample), superpixels=superpixels), camera
+
+
+def test_an_enlarged_estimate_fills_the_image_and_comes_back() -> None:
+    small, camera = odd_estimate()
+    large = enlarge_estimate(small, camera, 640)
+    assert small.cuboid is not None
+    np.testing.assert_array_equal(large.layout, small.cuboid.raster(camera))
+    for one, other in zip(large.polygons, small.cuboid.polygons(camera), strict=True):
+        np.testing.assert_array_equal(one.pixels, other.pixels)
+    back = reduce_estimate(large, camera, 640)
+    for name in ("furniture", "superpixels"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(small, name))
+        assert getattr(large, name).shape == (721, 1283)
+        assert getattr(large, name)[720, 1282] == getattr(small, name)[359, 640]
+    assert (back.layout != small.layout).mean() < 0.005  # the middle of a block may lie across an edge of the room
+    clutter = small.labels == 6
+    assert clutter.any()
+    np.testing.assert_array_equal(back.labels == 6, clutter)
+
+
+def test_structure_follows_the_layout_between_the_blocks() -> None:
+    small, camera = odd_estimate()
+    large = enlarge_estimate(small, camera, 640)
+    structure = large.labels != 6
+    np.testing.assert_array_equal(large.labels[structure], large.layout[structure])
+
+
+def test_the_estimate_has_the_size_of_the_frame() -> None:
+    sample = furnished(HD, 3)
+    estimate = LayoutEstimator().estimate(sample.frame)
+    assert estimate.status is Status.OK
+    assert {getattr(estimate, name).shape for name in IMAGES} == {(720, 1280)}
+    assert {"reduction", "enlargement", "joint"} <= set(estimate.timings_ms)
+    truth = sample.truth
+    assert truth is not None
+    assert truth.layout is not None
+    assert truth.labels is not None
+    assert (estimate.layout != truth.layout).mean() < 0.01
+    assert (estimate.labels != truth.labels)[truth.labels > 0].mean() < 0.03
+    corners: NDArray[np.float64] = np.concatenate([p.pixels for p in estimate.polygons])
+    assert corners[:, 0].max() > 1279.0
+    assert corners[:, 1].max() > 719.0
+
+
+def test_full_size_on_request_is_as_near_to_the_truth() -> None:
+    sample = furnished(HD, 3)
+    assert sample.truth is not None
+    assert sample.truth.layout is not None
+    full = LayoutEstimator(EstimatorConfig(working_size_px=8192)).estimate(sample.frame)
+    assert "reduction" not in full.timings_ms
+    assert (full.layout != sample.truth.layout).mean() < 0.01
+
+
+@pytest.mark.parametrize("method", ["joint", "depth"])
+def test_without_an_answer_the_images_have_the_full_size_too(method: str) -> None:
+    frame = RgbdFrame(HD, None, np.full((720, 1280), np.nan, np.float32))
+    estimate = LayoutEstimator(EstimatorConfig(method=method)).estimate(frame)
+    assert estimate.status is Status.NO_DEPTH
+    assert {getattr(estimate, name).shape for name in IMAGES} == {(720, 1280)}
+    assert not estimate.labels.any()
+
+
+def test_the_depth_method_is_reduced_too() -> None:
+    sample = furnished(HD, 3, "clean")
+    estimate = LayoutEstimator(EstimatorConfig(method="depth")).estimate(sample.frame)
+    assert estimate.status is Status.OK
+    assert estimate.labels.shape == (720, 1280)
+    assert set(np.unique(estimate.labels)) > {6}
+
+
+def test_free_space_is_that_of_the_reduced_frame() -> None:
+    sample = view(HD)
+    large = with_truth(sample)
+    small = reduce_frame(sample.frame, 640)
+    one = free_space_of_frame(sample.frame, large, CONFIG)
+    other = free_space_of_frame(small, reduce_estimate(large, HD, 640), CONFIG)
+    scene = Scene(sample.frame, large, NodeConfig(), CONFIG).free_space
+    assert one is not None
+    assert other is not None
+    assert scene is not None
+    assert (one.grid == 0).sum() > 500
+    for space in (other, scene):
+        np.testing.assert_array_equal(space.grid, one.grid)
+        np.testing.assert_array_equal(space.floor, one.floor)
+
+
+def test_the_clouds_are_as_dense_as_those_of_a_camera_of_the_working_size() -> None:
+    counts = []
+    for camera in (HD, reduce_frame(view(HD).frame, 640).camera):
+        sample = view(camera)
+        space = free_space_of_frame(sample.frame, with_truth(sample), CONFIG)
+        assert space is not None
+        counts.append(len(space.floor))
+    assert counts[0] == pytest.approx(counts[1], rel=0.02)
