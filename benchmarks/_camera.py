@@ -1,6 +1,6 @@
 """A camera in a process of its own: real frames at 30 Hz, stamped with the time at which they are published.
 
-    python -m benchmarks._camera --seconds 20 --namespace /bench [--frames FOLDER]
+    python -m benchmarks._camera --seconds 20 --namespace /bench [--frames FOLDER | --hd]
 
 It waits for its subscribers, and prints {"sent": frames} at the end.
 """
@@ -20,11 +20,13 @@ import rclpy
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.utilities import try_shutdown
 
+from benchmarks._frames import HD
 from msg_adapters import messages
 from msg_adapters.stamp import NS_PER_S
+from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.datasets import FrameSource, open_folder
 from room_layout_ros.datasets.bag_topics import COLOR_INFO_TOPIC, COLOR_TOPIC, DEPTH_TOPIC
-from room_layout_ros.datasets.synthetic import SyntheticSource
+from room_layout_ros.datasets.synthetic import KINECT, SyntheticSource
 from room_layout_ros.playback import frame_stream
 
 RATE_HZ = 30.0
@@ -43,8 +45,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, required=True)
     parser.add_argument("--namespace", required=True)
     parser.add_argument("--frames", type=Path, help="frames folder; rendered ones without")
+    parser.add_argument("--hd", action="store_true", help="rendered frames of 1280x720")
     options = parser.parse_args()
-    frames = _load(_source(options.frames))
+    frames = _load(_source(options.frames, HD if options.hd else KINECT))
     rclpy.init(args=[])
     try:
         node = rclpy.create_node("camera", namespace=options.namespace)
@@ -60,9 +63,9 @@ def main() -> None:
         try_shutdown()
 
 
-def _source(folder: Path | None) -> FrameSource:
+def _source(folder: Path | None, camera: CameraIntrinsics) -> FrameSource:
     if folder is None:
-        return SyntheticSource(_RENDERED, 4)
+        return SyntheticSource(_RENDERED, 4, camera=camera)
     whole = open_folder(folder)
     return whole.subset(tuple(whole.names[:_FRAMES]))
 

@@ -7,11 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.datasets import good_samples, open_folder
 from room_layout_ros.datasets.synthetic import SyntheticSource
 
 DATA = Path(os.environ.get("ROOM_LAYOUT_DATA", Path(__file__).parents[2] / "shared" / "data"))
+
+HD = CameraIntrinsics(1280, 720, 910.0, 910.0, 639.5, 359.5)
+"""What RealSense, OAK-D and Orbbec send by default, more or less."""
 
 
 def load_frames(count: int) -> dict[str, list[RgbdFrame]]:

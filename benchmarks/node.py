@@ -99,8 +99,8 @@ def main(seconds: float = SECONDS, folder: Path | None = None) -> int:
     return show(measure(seconds, folder), seconds, "rendered" if folder is None else folder.name)
 
 
-def measure(seconds: float, folder: Path | None) -> Run:
-    """Run camera, node and recorder; `folder` None renders the frames."""
+def measure(seconds: float, folder: Path | None, hd: bool = False) -> Run:
+    """Run camera, node and recorder; `folder` None renders the frames, `hd` those of 1280x720."""
     from room_layout_ros.outputs import OUTPUTS
 
     namespace = f"/bench{os.getpid()}"
@@ -111,7 +111,7 @@ def measure(seconds: float, folder: Path | None) -> Run:
         words = ["-m", "room_layout_ros.recording", *topics.values(), "/diagnostics", "--out", str(bag)]
         recorder = stack.enter_context(_process(words))
         node = stack.enter_context(_process(["-m", "room_layout_ros.node", "--ros-args", "-r", f"__ns:={namespace}"]))
-        player = stack.enter_context(_process([*camera, *([] if folder is None else ["--frames", str(folder)])]))
+        player = stack.enter_context(_process([*camera, *_pictures(folder, hd)]))
         sent = json.loads(_last_line(player, _START_S + 3 * seconds))["sent"]
         time.sleep(_REPORT_S)
         recorder.send_signal(signal.SIGINT)
@@ -120,6 +120,12 @@ def measure(seconds: float, folder: Path | None) -> Run:
         node.communicate(timeout=60.0)
         arrivals, facts = _read(bag, topics, f"{namespace.strip('/')}/estimator")
     return Run(sent, facts, arrivals, {name: counts.get(topic, (0, 0))[1] for name, topic in topics.items()})
+
+
+def _pictures(folder: Path | None, hd: bool) -> list[str]:
+    if folder is not None:
+        return ["--frames", str(folder)]
+    return ["--hd"] if hd else []
 
 
 @contextmanager

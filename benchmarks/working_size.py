@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from benchmarks._frames import DATA
+from benchmarks._frames import DATA, HD
 from benchmarks.free_space import SEED, SIZES_M, pooled, small_things
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
@@ -29,7 +29,6 @@ from room_layout_ros.evaluation.measures import mean_iou, score_pixels
 
 ROOMS, SCENES = 16, 8
 FULL = 8192
-HD = CameraIntrinsics(1280, 720, 910.0, 910.0, 639.5, 359.5)
 RENDERED = {"1280x720": (HD, (FULL, 640, 320)), "640x480": (KINECT, (640, 320))}
 """Cameras of the rendered rooms, and the working sizes that each is looked at with."""
 
