@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ from room_layout_ros.datasets.calibration import read_calibration, write_calibra
 from room_layout_ros.datasets.convert import copy_frames
 from room_layout_ros.datasets.folder import unread_color
 from room_layout_ros.datasets.images import depth_to_millimetres, read_depth
-from room_layout_ros.datasets.writers import BagWriter
+from room_layout_ros.datasets.writers import BagWriter, FolderWriter
 from room_layout_ros.decoding.image import depth_from_mm
 from room_layout_ros.learning.frames_apart import frames_apart, read_frame
 
@@ -241,12 +242,36 @@ def test_a_calibration_reads_back_equal(data_root: Path, tmp_path: Path) -> None
         ("frame_000 1 2 3 0 0 0 nan", "is no pose"),
         ("frame_000 1 2 3 0 0 0 2", "length 2"),
         ("1.5 1 2 3 0 0 0 1", "1 poses for 3 frames"),
+        ("frame_001 1 2 3 0 0 0 1", "a pose of 'frame_001'; it is neither the name of a frame nor seconds"),
+        ("1.5 1 2 3 0 0 0 1 0", "neither the name of a frame nor seconds"),
     ],
 )
 def test_bad_poses_are_refused(folder: Path, line: str, words: str) -> None:
     (folder / "poses.txt").write_text(line + "\n")
     with pytest.raises(DataError, match=words):
         open_source(folder)
+
+
+def test_poses_with_a_wrong_name_are_not_taken_for_poses_in_order(folder: Path) -> None:
+    names = ("frame_014", "frame_0007", "frame_000")
+    (folder / "poses.txt").write_text("".join(f"{name} {i} 0 0 0 0 0 1\n" for i, name in enumerate(names)))
+    with pytest.raises(DataError, match="a pose of 'frame_0007'; it is neither the name of a frame nor seconds"):
+        open_source(folder)
+
+
+def test_names_with_spaces_survive_the_way_through_bag_and_folder(tmp_path: Path, rng: np.random.Generator) -> None:
+    named = [replace(s, frame=replace(s.frame, name=f"küche {i} links")) for i, s in enumerate(make_samples(3, rng))]
+    write_folder(tmp_path / "made", named)
+    copy_frames(open_source(tmp_path / "made"), BagWriter(tmp_path / "bag"))
+    copy_frames(open_source(tmp_path / "bag"), FolderWriter(tmp_path / "again"))
+    assert_same_samples(list(good_samples(open_source(tmp_path / "again"))), named)
+
+
+def test_truth_that_is_not_read_is_told(folder: Path) -> None:
+    (folder / "labels40" / "frame_007.png").rename(folder / "labels40" / "frame_007.jpg")
+    assert unread_color(folder) == (
+        f"1 files in {folder / 'labels40'} are not read, as frame_007.jpg; names must end in .png"
+    )
 
 
 def test_tum_poses_without_names_go_to_the_frames_in_order(folder: Path) -> None:

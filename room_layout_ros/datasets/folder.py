@@ -134,7 +134,8 @@ class FramesFolder:
         for suffix in suffixes:
             if (path := folder / f"{name}{suffix}").exists():
                 return read(path)
-        raise DataError(f"{folder / name}{suffixes[0]} is missing")
+        others = f" (nor is there {', '.join(suffixes[1:])})" if suffixes[1:] else ""
+        raise DataError(f"{folder / name}{suffixes[0]} is missing{others}")
 
     def _truth(self, kind: str, name: str, highest: int) -> NDArray[np.uint8] | None:
         path = self.path / kind / f"{name}.png"
@@ -174,14 +175,14 @@ def open_folder(path: Path) -> FramesFolder:
 def unread_color(path: Path) -> str:
     """Return what of a frames folder is not read, in a sentence for people; "" where there is nothing to say.
 
-    That is depth without a colour folder of a known name, and pictures whose suffix is not of a known one.
+    That is depth without a colour folder of a known name, and pictures, of the truth too, of an unknown suffix.
     """
     known = ", ".join(f"{name}/" for name in COLOR_FOLDERS)
     if not any((path / name).is_dir() for name in COLOR_FOLDERS):
         others = sorted(p.name for p in path.glob("*/") if p.is_dir() and p.name not in _KNOWN and _pictures(p))
         hint = f"; {', '.join(f'{name}/' for name in others)} is not read" if others else ""
         return f"{path} is read as depth alone: it has no colour in a folder of the names {known}{hint}"
-    for name, suffixes in ((color_folder(path), COLOR_SUFFIXES), ("depth", (".png",))):
+    for name, suffixes in ((color_folder(path), COLOR_SUFFIXES), *((known, (".png",)) for known in _KNOWN)):
         unread = [p for p in _pictures(path / name) if p.suffix not in suffixes]
         if unread:
             allowed = " or ".join(suffixes)

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from .errors import DataError
 
 Pose = NDArray[np.float64]
+_POSE_NUMBERS = 7
 _MAX_QUATERNION_ERROR = 1e-3
 MAX_STAMP_NS = 2**31 * 1_000_000_000 - 1
 """Stamps of ROS have int32 seconds."""
@@ -22,7 +23,7 @@ def read_poses(path: Path, names: Sequence[str]) -> dict[str, Pose]:
     """Read poses of the optical frame in the world as (4, 4) arrays by frame name.
 
     Lines are `NAME tx ty tz qx qy qz qw` or, as TUM files have it, `SECONDS tx ty tz qx qy qz qw` with one
-    line for each frame in order. Lines that start with # are comments.
+    line for each frame in order. A name may hold spaces. Lines that start with # are comments.
 
     Raises
     ------
@@ -31,12 +32,14 @@ def read_poses(path: Path, names: Sequence[str]) -> dict[str, Pose]:
     """
     rows: list[tuple[str, Pose]] = []
     for number, line in enumerate(_lines(path), 1):
-        words = line.split()
+        words = line.strip().rsplit(maxsplit=_POSE_NUMBERS)
         if words and not words[0].startswith("#"):
             rows.append((words[0], _pose(words[1:], f"{path} line {number}")))
     known = set(names)
     if rows and all(key in known for key, _ in rows):
         return dict(rows)
+    if strange := [key for key, _ in rows if key not in known and not _is_number(key)]:
+        raise DataError(f"{path} has a pose of {strange[0]!r}; it is neither the name of a frame nor seconds")
     if len(rows) != len(names):
         raise DataError(f"{path} has {len(rows)} poses for {len(names)} frames; name them or give one for each frame")
     return {name: pose for name, (_, pose) in zip(names, rows, strict=True)}
@@ -49,12 +52,19 @@ def _lines(path: Path) -> list[str]:
         raise DataError(f"{path} cannot be read: {error}") from None
 
 
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False
+
+
 def _pose(words: Sequence[str], where: str) -> Pose:
     try:
         values = [float(word) for word in words]
     except ValueError:
         values = []
-    if len(values) != 7 or not all(map(math.isfinite, values)):
+    if len(values) != _POSE_NUMBERS or not all(map(math.isfinite, values)):
         raise DataError(f"{where} is no pose; tx ty tz qx qy qz qw are needed after the name")
     norm = math.hypot(*values[3:])
     if abs(norm - 1.0) > _MAX_QUATERNION_ERROR:
@@ -75,7 +85,7 @@ def write_poses(path: Path, poses: Mapping[str, Pose]) -> None:
 
 
 def read_stamps(path: Path) -> dict[str, int]:
-    """Read `NAME NANOSECONDS` lines.
+    """Read `NAME NANOSECONDS` lines; a name may hold spaces.
 
     Raises
     ------
@@ -84,7 +94,7 @@ def read_stamps(path: Path) -> dict[str, int]:
     """
     stamps = {}
     for number, line in enumerate(_lines(path), 1):
-        words = line.split()
+        words = line.strip().rsplit(maxsplit=1)
         if not words or words[0].startswith("#"):
             continue
         if len(words) != 2 or not words[1].isdecimal():
