@@ -19,6 +19,7 @@ from frames_on_disk import make_samples, write_folder
 from room_layout_ros.cli import main
 from room_layout_ros.commands import estimate as estimate_command
 from room_layout_ros.commands.estimate_frame import FrameJob, FrameResult, estimate_item
+from room_layout_ros.commands.output_folder import held_alone
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import FACES, LABEL_NAMES
@@ -315,6 +316,23 @@ def test_results_do_not_replace_the_truth_of_a_frames_folder(
     assert main([command, str(walk), "--out", str(other)]) == 2
     assert "other is a frames folder; choose another" in capsys.readouterr().err
     assert files_of(other) == theirs
+
+
+@pytest.mark.parametrize("command", ["estimate", "fit"])
+def test_a_folder_that_another_run_is_writing_into_is_refused(
+    command: str, walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with held_alone("--out", tmp_path / "out"):
+        assert main([command, str(walk), "--out", str(tmp_path / "out")]) == 2
+    assert "another run is writing into --out" in capsys.readouterr().err
+    assert not list((tmp_path / "out").iterdir())
+    assert main([command, str(walk), "--out", str(tmp_path / "out")]) == 0, "it was released"
+
+
+def test_a_link_to_nothing_is_no_folder(walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "disk").symlink_to(tmp_path / "gone")
+    assert main(["estimate", str(walk), "--out", str(tmp_path / "disk")]) == 2
+    assert "disk is a link to nothing; --out needs a folder" in capsys.readouterr().err
 
 
 def files_of(folder: Path) -> dict[str, bytes]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import shutil
 import signal
 import sys
 import threading
@@ -101,6 +102,33 @@ def test_fits_are_near_the_rooms_that_were_rendered(frames: FramesFolder, fits: 
         errors.append(score_pixels(sample.truth.layout, room.raster(CAMERA)).layout_error)
         assert (fits / "layout" / f"{name}.png").is_file()
     assert np.median(errors) < 0.03
+
+
+def test_a_second_fit_replaces_the_first_and_nothing_else(
+    frames: FramesFolder, fits: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, few = tmp_path / "out", tmp_path / "few"
+    shutil.copytree(fits, out)
+    write_folder(few, [frames.read(name) for name in frames.names[:2]])
+    assert room_layout(["fit", str(few), "--out", str(out)]) == 0
+    assert [json.loads(line)["name"] for line in (out / "fits.jsonl").read_text().splitlines()] == ["0010", "0020"]
+    assert {path.stem for path in out.glob("*/*.png")} == {"0010", "0020"}
+    (out / "layout" / "mine.png").write_text("mine")
+    assert room_layout(["fit", str(few), "--out", str(out)]) == 2
+    assert "mine.png is of no frame of an earlier fit; choose another folder" in capsys.readouterr().err
+    assert (out / "layout" / "mine.png").read_text() == "mine"
+
+
+def test_a_fit_of_no_frame_says_why_and_fails(
+    frames: FramesFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_folder(tmp_path / "few", [frames.read(name) for name in frames.names[:2]])
+    for path in (tmp_path / "few" / "labels40").iterdir():
+        path.rename(path.with_suffix(".PNG"))
+    assert room_layout(["fit", str(tmp_path / "few"), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "2 files in" in said, "what is not read is told"
+    assert "none of 2 frames could be fitted; the first is 0010: it has no class labels (labels40/NAME.png)" in said
 
 
 def test_the_models_are_learned_and_say_where_they_come_from(trained: Path, frames: FramesFolder) -> None:

@@ -1,9 +1,9 @@
-"""What an earlier `room-layout estimate` left in its folder: the next one into it replaces that and nothing else."""
+"""What an earlier `room-layout estimate` or `fit` left in its folder: the next one replaces that and nothing else."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from room_layout_ros.datasets import DataError
@@ -13,27 +13,34 @@ SUFFIXES = {"layout": ".png", "labels": ".png", "furniture": ".png", "overlay": 
 """Folders of images and how their files end."""
 
 
-def earlier_files(out: Path) -> list[Path]:
-    """Return the images of the frames that the folder's estimates.jsonl names.
+def earlier_files(
+    out: Path, lines: str = LINES, suffixes: Mapping[str, str] = SUFFIXES, what: str = "estimate"
+) -> list[Path]:
+    """Return the images of the frames that the folder's list of an earlier run names.
+
+    Parameters
+    ----------
+    lines : name of the list, a JSON line a frame. suffixes : folders of images and how their files end.
+    what : the run left, for the words of a refusal.
 
     Raises
     ------
     DataError
         When the folders of images hold others too, or a line names no frame.
     """
-    named = list(_names(out / LINES))
-    files = {out / kind / f"{name}{suffix}" for name in named for kind, suffix in SUFFIXES.items()}
-    for kind in SUFFIXES:
+    named = list(_names(out / lines, what))
+    files = {out / kind / f"{name}{suffix}" for name in named for kind, suffix in suffixes.items()}
+    for kind in suffixes:
         there = sorted((out / kind).iterdir()) if (out / kind).is_dir() else []
         for path in there:
             if path not in files and not path.name.startswith("."):
                 raise DataError(
-                    f"{path} is of no frame of an earlier estimate; choose another folder by --out, or empty this one"
+                    f"{path} is of no frame of an earlier {what}; choose another folder by --out, or empty this one"
                 )
     return sorted(file for file in files if file.exists())
 
 
-def _names(listing: Path) -> Iterator[str]:
+def _names(listing: Path, what: str) -> Iterator[str]:
     lines = listing.read_text("utf-8", "replace").splitlines() if listing.is_file() else []
     for number, text in enumerate(lines, 1):
         try:
@@ -42,7 +49,7 @@ def _names(listing: Path) -> Iterator[str]:
             name = None
         if not isinstance(name, str) or Path(name).name != name:  # nothing is removed elsewhere
             raise DataError(
-                f"{listing} line {number} names no frame, so that it is not known what is of the earlier estimate; "
+                f"{listing} line {number} names no frame, so that it is not known what is of the earlier {what}; "
                 "choose another folder by --out, or empty this one"
             )
         yield name

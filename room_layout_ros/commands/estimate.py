@@ -10,7 +10,7 @@ A frame that cannot be used gets a line with its error. Lines come as the frames
 a run that ends early leaves what it has done. Exit code 0 when every frame has its line, 2 on bad input: also where
 no frame could be used, and where a bag turns out damaged on the way, unless --recover asks for what can be read.
 An earlier estimate in DIR is replaced: the images that its estimates.jsonl names go. Other files there are kept; where
-one lies among the images, or DIR is a frames folder, that is refused.
+one lies among the images, DIR is a frames folder, or another run is writing there, that is refused.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ from room_layout_ros.commands.estimate_frame import (
     parse_settings,
 )
 from room_layout_ros.commands.interrupts import interrupts_between_items
-from room_layout_ros.commands.output_folder import make_folder, refuse_frames, remove_files
+from room_layout_ros.commands.output_folder import held_alone, make_folder, refuse_frames, remove_files
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_recover_argument, add_topic_arguments, open_with_topics
-from room_layout_ros.datasets import DataError
+from room_layout_ros.datasets import DataError, FrameSource
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.datasets.readable import ReadablePart
 from room_layout_ros.parallel import map_ordered
@@ -72,6 +72,11 @@ def run(arguments: argparse.Namespace) -> int:
     job = FrameJob(config, arguments.rgb_only, arguments.overlay)
     source = open_with_topics(arguments.input, arguments, arguments.recover)
     refuse_frames("--out", arguments.out, arguments.input)
+    with held_alone("--out", arguments.out):
+        return _estimate(arguments, job, source)
+
+
+def _estimate(arguments: argparse.Namespace, job: FrameJob, source: FrameSource) -> int:
     earlier = earlier_files(arguments.out)
     _make_folders(arguments.out, (*KINDS, "overlay") if arguments.overlay else KINDS)
     remove_files(earlier, () if arguments.overlay else (arguments.out / "overlay",))

@@ -5,6 +5,9 @@ DIR gets, for every frame NAME:
   rejected/NAME.png   the same where it does not (no cuboid, or too little of it in view)
   overlay/NAME.jpg    a picture for people (with --overlay)
   fits.jsonl          a line a frame: accepted, quality, cost, axes, plane distances, or why there is no fit
+Lines come as the frames are done, each after its images. Exit code 2 on bad input, also where no frame could be fitted.
+An earlier fit in DIR is replaced: the images that its fits.jsonl names go. Where other images lie beside them, DIR is a
+frames folder, or another run is writing there, that is refused.
 """
 
 from __future__ import annotations
@@ -12,16 +15,26 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
 from room_layout_ros.commands.counts import add_work_arguments, real
-from room_layout_ros.commands.output_folder import make_folder, refuse_frames
+from room_layout_ros.commands.earlier_estimates import earlier_files
+from room_layout_ros.commands.output_folder import held_alone, make_folder, refuse_frames, remove_files
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import open_and_tell
 from room_layout_ros.datasets import DataError, FramesFolder, FrameSource
 from room_layout_ros.datasets.images import write_atomically
-from room_layout_ros.learning.fit_frame import FITS_FILE, MAX_COST, MIN_QUALITY, FitJob, fit_item, lost_result
+from room_layout_ros.learning.fit_frame import (
+    FITS_FILE,
+    MAX_COST,
+    MIN_QUALITY,
+    FitJob,
+    FitResult,
+    fit_item,
+    lost_result,
+)
 from room_layout_ros.learning.frames_apart import frames_apart
 from room_layout_ros.parallel import map_ordered
 
@@ -36,6 +49,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_work_arguments(parser)
 
 
+SUFFIXES = {"layout": ".png", "rejected": ".png", "overlay": ".jpg"}
+"""Folders of images and how their files end."""
+
 _HELP_QUALITY = (
     "accept fits with this share of structural pixels on a face of their kind, or more (default %(default)s)"
 )
@@ -49,26 +65,49 @@ def run(arguments: argparse.Namespace) -> int:
     if isinstance(source, FramesFolder) and not (source.path / "labels40").is_dir():
         raise DataError(f"{source.path / 'labels40'} is missing; the fits are made of the classes there")
     refuse_frames("--out", arguments.out, arguments.input)
+    with held_alone("--out", arguments.out):
+        return _fit(arguments, job, source)
+
+
+def _fit(arguments: argparse.Namespace, job: FitJob, source: FrameSource) -> int:
+    out: Path = arguments.out
+    earlier = earlier_files(out, FITS_FILE, SUFFIXES, "fit")
     for kind in ("layout", "rejected", *(["overlay"] if job.overlay else [])):
-        make_folder("--out", arguments.out / kind)
-    lines = []
+        make_folder("--out", out / kind)
+    remove_files(earlier, () if job.overlay else (out / "overlay",))
     with progress_bar("fit", source.length) as progress:
-        work = partial(fit_item, job)
-        for result in map_ordered(
-            work, frames_apart(source), arguments.jobs, arguments.scheduler, progress, lost_result
-        ):
-            for file, content in result.files.items():
-                write_atomically(arguments.out / file, content)
-            lines.append(dict(result.line))
+        work, items = partial(fit_item, job), frames_apart(source)
+        results = map_ordered(work, items, arguments.jobs, arguments.scheduler, progress, lost_result)
+        lines = _write(out, results)
     if not lines:
         raise DataError(f"{source.title} holds no frame")
-    write_atomically(arguments.out / FITS_FILE, "".join(f"{json.dumps(line)}\n" for line in lines).encode())
-    print(_summary(source, lines, arguments.out), file=sys.stderr)
+    if all("error" in line for line in lines):
+        raise DataError(f"{source.title}: none of {len(lines)} frames could be fitted; {_first_error(lines)}")
+    print(_summary(source, lines, out), file=sys.stderr)
     return 0
+
+
+def _write(out: Path, results: Iterable[FitResult]) -> list[dict[str, object]]:
+    """Write images and lines as they come; no line of an earlier fit stays beside them."""
+    written = []
+    with (out / FITS_FILE).open("w", encoding="utf-8") as lines:
+        for result in results:
+            for file, content in result.files.items():
+                write_atomically(out / file, content)
+            lines.write(f"{json.dumps(result.line)}\n")
+            lines.flush()
+            written.append(dict(result.line))
+    return written
+
+
+def _first_error(lines: list[dict[str, object]]) -> str:
+    first = next((line for line in lines if "error" in line), None)
+    return "" if first is None else f"the first is {first['name']}: {first['error']}"
 
 
 def _summary(source: FrameSource, lines: list[dict[str, object]], out: Path) -> str:
     good = sum(bool(line["accepted"]) for line in lines)
     none = sum("error" in line for line in lines)
-    counts = f"{good} fits accepted, {len(lines) - good - none} rejected, {none} without a fit"
+    why = f" ({_first_error(lines)})" if none else ""
+    counts = f"{good} fits accepted, {len(lines) - good - none} rejected, {none} without a fit{why}"
     return f"{source.title}: {len(lines)} frames, {counts}; in {out}"

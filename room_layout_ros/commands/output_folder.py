@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from room_layout_ros.datasets import DataError
@@ -15,13 +18,43 @@ def make_folder(option: str, folder: Path) -> None:
     Raises
     ------
     DataError
-        When it is a file, or lies in one.
+        When it is a file, or lies in one, or is a link to nowhere.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
-        file = next(path for path in (folder, *folder.parents) if path.is_file())
-        raise DataError(f"{file} is a file; {option} needs a folder") from None
+        there = (path for path in (folder, *folder.parents) if path.exists() or path.is_symlink())
+        other = next(path for path in there if not path.is_dir())
+        kind = "a file" if other.exists() else "a link to nothing"
+        raise DataError(f"{other} is {kind}; {option} needs a folder") from None
+
+
+@contextmanager
+def held_alone(option: str, folder: Path) -> Iterator[None]:
+    """Make a folder that an option names and hold it while the block runs; it is released however the process ends.
+
+    Raises
+    ------
+    DataError
+        As `make_folder`, and when another run holds it.
+    """
+    make_folder(option, folder)
+    if sys.platform == "win32":  # a folder cannot be locked there
+        yield
+        return
+    import fcntl
+
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise DataError(f"another run is writing into {option} {folder}; wait for it, or choose another") from None
+        except OSError:
+            pass  # a file system without locks cannot tell two runs apart
+        yield
+    finally:
+        os.close(handle)
 
 
 def refuse_frames(option: str, folder: Path, source: Path) -> None:

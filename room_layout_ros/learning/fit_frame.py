@@ -54,7 +54,7 @@ def fit_item(job: FitJob, frame: FrameAt | Sample | BadFrame) -> FitResult:
     if isinstance(item, BadFrame):
         return FitResult({"name": item.name, "accepted": False, "error": item.error})
     if item.truth is None or item.truth.labels40 is None:
-        return FitResult({"name": item.name, "accepted": False, "error": "the frame has no class labels (labels40/)"})
+        return FitResult({"name": item.name, "accepted": False, "error": "it has no class labels (labels40/NAME.png)"})
     try:
         fit = fit_layout(item.frame, item.truth.labels40)
     except ValueError as error:

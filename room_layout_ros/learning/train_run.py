@@ -112,7 +112,7 @@ def _look(config: EstimatorConfig, networks: SceneFolds | None, task: _Task) -> 
     if isinstance(item, BadFrame):
         return item.error
     if item.truth is None or item.truth.labels40 is None:
-        return "it has no class labels (labels40/)"
+        return "it has no class labels (labels40/NAME.png)"
     found = describe(item.frame, task.room, item.truth.labels40, config, networks)
     return "no usable depth or axes" if found is None else found
 
