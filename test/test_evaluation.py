@@ -19,9 +19,11 @@ import pytest
 from browser import BROWSER, Browser
 
 from room_layout_ros.cli import main as room_layout
+from room_layout_ros.commands.evaluate import BASELINES
+from room_layout_ros.commands.evaluate_input import choose_frames
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.core.layout import RoomCuboid
-from room_layout_ros.datasets import FrameTruth, Sample, open_folder
+from room_layout_ros.datasets import FramesFolder, FrameTruth, Sample, open_folder
 from room_layout_ros.datasets.images import write_image
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.datasets.writers import FolderWriter
@@ -52,7 +54,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
             assert isinstance(sample, Sample)
             writer.write(sample)
     names = open_folder(path).names
-    (path / "splits.json").write_text(json.dumps({"first_two": list(names[:2])}))
+    (path / "splits.json").write_text(json.dumps({"first_two": list(names[:2]), "too_many": [*names, "000009"]}))
     return path
 
 
@@ -340,6 +342,55 @@ def test_without_colour_the_colour_alone_is_not_scored(folder: Path, tmp_path: P
     assert set(json.loads((tmp_path / "summary.json").read_text())["methods"]) == {"ours, RGB-D"}
 
 
+@pytest.mark.parametrize(
+    ("missing", "left", "words"),
+    (
+        ("depth", {"ours, RGB", "constant layout"}, "has no depth: our estimator with depth is left out"),
+        ("rgb", {"ours, RGB-D", *BASELINES.values()}, "has no colour: our estimator without depth is left out"),
+    ),
+)
+def test_a_method_whose_stream_is_missing_is_left_out_and_that_is_said(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], missing: str, left: set[str], words: str
+) -> None:
+    """Not scored under a name that says it looked at what is not there."""
+    half = tmp_path / "half"
+    shutil.copytree(folder, half, ignore=shutil.ignore_patterns(missing))
+    assert room_layout(["evaluate", str(half), "--no-report", "--out", str(tmp_path / "out")]) == 0
+    assert words in capsys.readouterr().err
+    assert set(json.loads((tmp_path / "out" / "summary.json").read_text())["methods"]) == left
+    alone = ["--rgb-only"] if missing == "rgb" else ["--baseline", "percentile"]
+    assert room_layout(["evaluate", str(half), *alone]) == 2
+    assert "has no colour, and --rgb-only" if missing == "rgb" else "needs depth" in capsys.readouterr().err
+
+
+def test_frames_without_an_annotated_pixel_are_left_out_and_counted(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other"
+    shutil.copytree(folder, other)
+    write_image(other / "layout" / "000000.png", np.zeros((480, 640), np.uint8))
+    (other / "layout" / "000001.png").unlink()
+    arguments = ["evaluate", str(other), "--baseline", "none", "--rgb-only"]
+    assert room_layout([*arguments, "--frames", "0,1,2"]) == 0
+    printed = capsys.readouterr()
+    assert "2 of 3 frames have no true layout and are left out" in printed.err
+    assert "1 frames with a true layout" in printed.out
+
+
+def test_a_file_of_names_may_hold_names_with_spaces(folder: Path, tmp_path: Path) -> None:
+    spaced = tmp_path / "spaced"
+    shutil.copytree(folder, spaced, ignore=shutil.ignore_patterns("*.txt"))
+    for path in spaced.glob("*/*0.*"):
+        path.rename(path.with_name(f"living room{path.suffix}"))
+    (tmp_path / "names.txt").write_text("living room\n000001 000002\n")
+    chosen = choose_frames(open_folder(spaced), str(tmp_path / "names.txt"))
+    assert isinstance(chosen, FramesFolder)
+    assert chosen.names == ("living room", "000001", "000002")
+    chosen = choose_frames(open_folder(spaced), "living room, 1")
+    assert isinstance(chosen, FramesFolder)
+    assert chosen.names == ("living room", "000001")
+
+
 def test_a_subset_of_splits_json_is_what_is_scored(folder: Path, tmp_path: Path) -> None:
     arguments = ["evaluate", str(folder), "--frames", "first_two", "--baseline", "percentile", "--no-report"]
     assert room_layout([*arguments, "--rgb-only", "--out", str(tmp_path)]) == 0
@@ -368,12 +419,19 @@ def test_a_subset_of_splits_json_is_what_is_scored(folder: Path, tmp_path: Path)
         (["{folder}", "--estimates", "{tmp}", "--rgb-only"], "as it was written; --rgb-only cannot change it"),
         (["{folder}", "--estimates", "{tmp}", "--set", "max_depth_m=4"], "as it was written; --set cannot change it"),
         (["{folder}", "--set", "superpixel_count=many"], "no int"),
+        (["{folder}", "--noise", "stereo"], "--noise stereo is of rendered rooms"),
+        (["{folder}", "--seed", "0"], "--seed 0 is of rendered rooms"),
+        (["{folder}", "--frames", "0,0"], "--frames 0,0 names '000000' more than once; each frame counts once"),
+        (["{folder}", "--frames", "0,9"], "nor names of frames; '9' is none"),
+        (["{folder}", "--frames", "{tmp}/fits/empty.txt"], "names no frame; at least one is needed"),
+        (["{folder}", "--frames", "too_many"], "splits.json names '000009', and frames folder"),
     ),
 )
 def test_bad_input_ends_in_one_sentence_and_exit_code_2(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
 ) -> None:
     (tmp_path / "fits").mkdir()
+    (tmp_path / "fits" / "empty.txt").touch()
     (tmp_path / "fits" / "fits.jsonl").write_text('{"name": "000000", "accepted": false}\n')
     filled = [word.format(folder=folder, tmp=tmp_path, fits=tmp_path / "fits") for word in arguments]
     assert room_layout(["evaluate", *filled]) == 2

@@ -86,6 +86,9 @@ def run(arguments: argparse.Namespace) -> int:
         frames = list(map_ordered(partial(compare, job), samples, arguments.jobs, arguments.scheduler, progress))
     if not frames:
         raise DataError(f"{source.title} holds no frame with a true layout; layout/NAME.png is needed")
+    if source.length is not None and len(frames) < source.length:
+        left = source.length - len(frames)
+        print(f"{left} of {source.length} frames have no true layout and are left out", file=sys.stderr)
     scores = [SetScore(title, tuple(frame.scores[title] for frame in frames)) for title in methods]
     # Files first: whoever reads the table through a pipe may close it early.
     written = [] if arguments.out is None else _write(arguments, source, scores, frames, curve)
@@ -120,17 +123,14 @@ def _superpixel_config(arguments: argparse.Namespace) -> EstimatorConfig | None:
 
 def _methods(arguments: argparse.Namespace, source: FrameSource) -> dict[str, Method]:
     methods: dict[str, Method] = {}
+    first = next(iter(_Samples(source)), None)  # a source has a stream in every frame or in none
+    has_depth = first is None or first.frame.depth_m is not None
+    has_color = first is None or first.frame.color is not None
     if arguments.estimates is not None:
         methods[f"ours, {arguments.estimates}"] = read_folder(arguments.estimates)
     else:
-        config = parse_settings(arguments.set, arguments.rgb_only)
-        if not arguments.rgb_only:
-            methods["ours, RGB-D"] = EstimatorMethod(config)
-        if config.use_color:
-            methods["ours, RGB"] = EstimatorMethod(config, rgb_only=True)
-    wanted = arguments.baseline or list(BASELINES)
-    if "none" in wanted:
-        return methods
+        methods |= _ours(arguments, source, has_depth, has_color)
+    wanted = _baselines(arguments, source, has_depth)
     if "constant" in wanted:
         layouts = {s.name: s.truth.layout for s in _Samples(source) if s.truth and s.truth.layout is not None}
         methods[BASELINES["constant"]] = baselines.ConstantLayout.of(layouts)
@@ -138,12 +138,57 @@ def _methods(arguments: argparse.Namespace, source: FrameSource) -> dict[str, Me
         methods[BASELINES["percentile"]] = baselines.percentile_walls
     if "depth" in wanted:
         methods[BASELINES["depth"]] = EstimatorMethod(replace(parse_settings(arguments.set), method="depth"))
+    if not methods:
+        raise DataError(f"{source.title} has nothing that the methods asked for could look at")
     return methods
+
+
+def _ours(arguments: argparse.Namespace, source: FrameSource, has_depth: bool, has_color: bool) -> dict[str, Method]:
+    """Return our estimator with depth and without, each where the frames have what it looks at; say what is left out.
+
+    Raises
+    ------
+    DataError
+        When the options ask for colour alone, and there is none.
+    """
+    config = parse_settings(arguments.set, arguments.rgb_only)
+    if arguments.rgb_only and not has_color:
+        raise DataError(f"{source.title} has no colour, and --rgb-only leaves the depth unused")
+    methods: dict[str, Method] = {}
+    if not arguments.rgb_only and has_depth:
+        methods["ours, RGB-D"] = EstimatorMethod(config)
+    elif not arguments.rgb_only:
+        print(f"{source.title} has no depth: our estimator with depth is left out", file=sys.stderr)
+    if config.use_color and has_color:
+        methods["ours, RGB"] = EstimatorMethod(config, rgb_only=True)
+    elif config.use_color:
+        print(f"{source.title} has no colour: our estimator without depth is left out", file=sys.stderr)
+    return methods
+
+
+def _baselines(arguments: argparse.Namespace, source: FrameSource, has_depth: bool) -> list[str]:
+    """Return the plain solutions that are asked for; by default those that the frames have the depth for.
+
+    Raises
+    ------
+    DataError
+        When one is named that needs the depth, and there is none.
+    """
+    named: list[str] = arguments.baseline or []
+    if "none" in named:
+        return []
+    by_depth = [name for name in named if name != "constant"]
+    if by_depth and not has_depth:
+        raise DataError(f"--baseline {by_depth[0]} needs depth, and {source.title} has none")
+    return named or (list(BASELINES) if has_depth else ["constant"])
 
 
 @dataclass(frozen=True, slots=True)
 class _Samples:
-    """The scorable frames of a source; a bad one ends the evaluation, since leaving it out would better the mean."""
+    """The scorable frames of a source: with a true layout, of which a pixel at least is annotated.
+
+    A bad one ends the evaluation, since leaving it out would better the mean.
+    """
 
     source: FrameSource
 
@@ -151,7 +196,7 @@ class _Samples:
         for item in self.source:
             if isinstance(item, BadFrame):
                 raise DataError(f"frame {item.name} cannot be used: {item.error}")
-            if item.truth is not None and item.truth.layout is not None:
+            if item.truth is not None and item.truth.layout is not None and item.truth.layout.any():
                 yield item
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
 from room_layout_ros.commands.counts import count, seed
 from room_layout_ros.commands.topics import open_and_tell
@@ -17,6 +19,9 @@ from room_layout_ros.datasets.nyu_truth import read_class_map, read_layouts
 from room_layout_ros.datasets.synthetic import KINDS, NOISES, SyntheticSource
 from room_layout_ros.evaluation.fitted_truth import FittedSource
 from room_layout_ros.learning.fit_frame import read_fits
+
+RENDERED: dict[str, Any] = {"scene": "cuboid", "noise": "kinect", "seed": 2013}
+"""Options of --rendered and what they are when not given."""
 
 
 def add_input_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,11 +50,10 @@ def add_input_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--fits", type=Path, metavar="DIR", help="true rooms from the output of room-layout fit")
     parser.add_argument("--rendered", type=count, metavar="N", help="N rendered rooms instead of INPUT, with all truth")
-    parser.add_argument(
-        "--scene", choices=("random", *KINDS), default="cuboid", help="rendered rooms (default %(default)s)"
-    )
-    parser.add_argument("--noise", choices=tuple(NOISES), default="kinect", help="their sensor (default %(default)s)")
-    parser.add_argument("--seed", type=seed, default=2013, metavar="N", help="their seed (default %(default)s)")
+    scene, noise, first = RENDERED.values()
+    parser.add_argument("--scene", choices=("random", *KINDS), help=f"rendered rooms (default {scene})")
+    parser.add_argument("--noise", choices=tuple(NOISES), help=f"their sensor (default {noise})")
+    parser.add_argument("--seed", type=seed, metavar="N", help=f"their seed (default {first})")
 
 
 def open_input(arguments: argparse.Namespace) -> FrameSource:
@@ -77,8 +81,15 @@ def _open(arguments: argparse.Namespace) -> FrameSource:
         raise DataError("--layouts, --face-ids and --classes40 go with an NYU v2 .mat file only")
     if arguments.face_ids is not None and arguments.layouts is None:
         raise DataError("--face-ids says how to read --layouts; give that too")
+    of_rendered = {name: getattr(arguments, name) for name in RENDERED if getattr(arguments, name) is not None}
     if arguments.rendered is not None:
-        return SyntheticSource(arguments.rendered, arguments.seed, arguments.scene, arguments.noise, walk=False)
+        chosen = RENDERED | of_rendered
+        return SyntheticSource(arguments.rendered, chosen["seed"], chosen["scene"], chosen["noise"], walk=False)
+    if of_rendered:
+        name, value = next(iter(of_rendered.items()))
+        raise DataError(
+            f"--{name} {value} is of rendered rooms, and {arguments.input} is none; give --rendered N for it"
+        )
     if not apart:
         return open_and_tell(arguments.input)
     return open_nyu(
@@ -134,14 +145,41 @@ def choose_frames(
 def _names(source: FramesFolder | NyuSource, subset: str, option: str) -> tuple[str, ...]:
     splits = _splits(source)
     if subset in splits:
-        return tuple(find_name(str(entry), source.names) for entry in splits[subset])
-    if (listing := Path(subset)).is_file():
-        return tuple(find_name(name, source.names) for name in listing.read_text("utf-8").split())
-    names = tuple(find_name(name, source.names) for name in subset.split(",") if name)
-    if not names or not set(names) <= set(source.names):
-        known = ", ".join(splits) or "none"
-        raise DataError(f"{option} {subset}: neither one of its lists ({known}), nor a file, nor names of frames")
+        where, wanted = f"list {subset} of {_splits_of(source)}", [str(entry) for entry in splits[subset]]
+    elif (listing := Path(subset)).is_file():
+        where, wanted = f"{option} {subset}", _words(listing, set(source.names))
+    else:
+        where, wanted = f"{option} {subset}", [name.strip() for name in subset.split(",") if name.strip()]
+        if not set(found := [find_name(name, source.names) for name in wanted]) <= set(source.names):
+            strange = next(name for name in found if name not in source.names)
+            told = f"; {strange!r} is none" if strange != subset else ""
+            known = ", ".join(splits) or "none"
+            raise DataError(f"{where}: neither one of its lists ({known}), nor a file, nor names of frames{told}")
+    names = tuple(find_name(name, source.names) for name in wanted)
+    _check_names(names, source, where)
     return names
+
+
+def _check_names(names: tuple[str, ...], source: FramesFolder | NyuSource, where: str) -> None:
+    if not names:
+        raise DataError(f"{where} names no frame; at least one is needed")
+    if missing := [name for name in names if name not in set(source.names)]:
+        raise DataError(f"{where} names {missing[0]!r}, and {source.title} has no such frame")
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        raise DataError(f"{where} names {twice[0]!r} more than once; each frame counts once")
+
+
+def _words(listing: Path, names: set[str]) -> list[str]:
+    """Return the names in a file: lines that are names as they are, for these may hold spaces, else their words."""
+    try:
+        lines = [line.strip() for line in listing.read_text("utf-8").splitlines()]
+    except UnicodeDecodeError:
+        raise DataError(f"{listing} is no UTF-8 text; a file of frame names is needed") from None
+    return [name for line in lines for name in ([line] if line in names else line.split())]
+
+
+def _splits_of(source: FramesFolder | NyuSource) -> str:
+    return "--layouts" if isinstance(source, NyuSource) else str(source.path / "splits.json")
 
 
 def _splits(source: FramesFolder | NyuSource) -> dict[str, tuple[int | str, ...]]:

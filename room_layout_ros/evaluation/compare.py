@@ -15,7 +15,7 @@ from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.freespace import free_space_of_frame
-from room_layout_ros.datasets import Sample
+from room_layout_ros.datasets import DataError, Sample
 from room_layout_ros.datasets.images import encode_image
 
 from . import pictures
@@ -36,7 +36,15 @@ class EstimatorMethod:
     rgb_only: bool = False
 
     def __call__(self, sample: Sample) -> Prediction:
-        """Estimate the frame by itself, without memory of others."""
+        """Estimate the frame by itself, without memory of others.
+
+        Raises
+        ------
+        DataError
+            When it shall be estimated by colour alone and has none.
+        """
+        if self.rgb_only and sample.frame.color is None:
+            raise DataError(f"frame {sample.name} has no colour, and an estimate by colour alone is asked for")
         frame = sample.frame.without_depth() if self.rgb_only else sample.frame
         estimate_frame = _make(self.config).estimate
         if self not in _WARM:  # the first call of a process compiles or loads the kernels: no time of a frame
