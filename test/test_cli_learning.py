@@ -24,6 +24,7 @@ pytest.importorskip("joblib", reason="joblib is in the extra train")
 from frames_on_disk import write_folder
 
 from room_layout_ros.cli import main as room_layout
+from room_layout_ros.commands.output_folder import held_alone
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.evidence.geometric_context import load_context
@@ -131,6 +132,32 @@ def test_a_fit_of_no_frame_says_why_and_fails(
     assert "none of 2 frames could be fitted; the first is 0010: it has no class labels (labels40/NAME.png)" in said
 
 
+def test_a_training_into_a_folder_where_another_one_writes_is_refused(
+    frames: FramesFolder, fits: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each removes examples that are not its own."""
+    with held_alone("--out", tmp_path):
+        assert train(frames, fits, tmp_path) == 2
+    assert "another run is writing into --out" in capsys.readouterr().err
+
+
+def test_too_few_frames_for_the_folds_are_said_in_a_sentence(
+    frames: FramesFolder, fits: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_folder(tmp_path / "few", list(named_by_words(frames)))
+    fitted = (json.loads(line) for line in (fits / "fits.jsonl").read_text().splitlines())
+    (tmp_path / "fits").mkdir()
+    lines = (json.dumps({**line, "name": f"hall {line['name']}"}) for line in fitted)
+    (tmp_path / "fits" / "fits.jsonl").write_text("\n".join(lines))
+    assert train(open_folder(tmp_path / "few"), tmp_path / "fits", tmp_path / "out") == 2
+    assert "none is left to learn from beside a fold and its neighbours (5 numbers" in capsys.readouterr().err
+
+
+def named_by_words(frames: FramesFolder) -> Iterator[Sample]:
+    for sample in good_samples(frames):
+        yield replace(sample, frame=replace(sample.frame, name=f"hall {sample.name}"))
+
+
 def test_the_models_are_learned_and_say_where_they_come_from(trained: Path, frames: FramesFolder) -> None:
     joint = load_weights(trained / MODELS[2])
     start = start_weights().variant("full").variant("no_scene")
@@ -149,7 +176,7 @@ def test_the_models_are_learned_and_say_where_they_come_from(trained: Path, fram
         assert 0 <= fold["layout"] < 40
         assert 0 <= fold["labelling"] < 60
         assert 20 < fold["mean_iou"] <= 100
-    rows = json.loads((trained / "training.json").read_text())["history"]
+    rows = json.loads((trained / "training_rgbd_plain.json").read_text())["history"]
     assert [row["round"] for row in rows] == [1, 2]
 
 

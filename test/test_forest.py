@@ -50,6 +50,16 @@ def test_binary_export_gives_log_odds() -> None:
     assert np.abs(1 / (1 + np.exp(-odds)) - model.predict_proba(x)[:, 1]).max() < 1e-5
 
 
+@pytest.mark.parametrize("classes", ([0, 2, 5], [1, 4]))
+def test_a_class_that_was_not_there_to_learn_from_is_never_the_answer(classes: list[int]) -> None:
+    x, y = _rows(np.random.default_rng(9))
+    y = np.array(classes)[np.minimum(y, len(classes) - 1)]
+    model = HistGradientBoostingClassifier(max_iter=10, early_stopping=False).fit(x, y)
+    probability = softmax(export_forest(model, 6).evaluate(x), axis=1)
+    assert np.abs(probability[:, classes] - model.predict_proba(x)).max() < 1e-5
+    assert np.delete(probability, classes, axis=1).max() < 1e-6
+
+
 def test_arrays_round_trip_through_a_file_without_pickle(fitted: Fitted, tmp_path: Path) -> None:
     x, _, forest = fitted
     np.savez(tmp_path / "f.npz", allow_pickle=False, **forest.to_arrays("a_"))

@@ -30,11 +30,12 @@ from room_layout_ros.core.scene_network import (
     pool_scene,
     save_network,
 )
+from room_layout_ros.datasets import DataError
 from room_layout_ros.datasets.folder import open_folder
 from room_layout_ros.learning.scene_augmentation import Augmentation, make_batch
 from room_layout_ros.learning.scene_errors import scene_errors
 from room_layout_ros.learning.scene_examples import SOME_WALL, SceneExamples, collect_examples, join_examples
-from room_layout_ros.learning.scene_folds import SceneFolds, number_folds, read_folds, write_folds
+from room_layout_ros.learning.scene_folds import SceneFolds, number_folds, read_folds, refuse_names, write_folds
 from room_layout_ros.learning.synthetic_frames import random_frames
 
 
@@ -203,6 +204,14 @@ def test_folds_are_written_and_read(tmp_path: Path) -> None:
         number_folds([1, 2], 9)
     with pytest.raises(ValueError, match="room-layout scene"):
         read_folds(tmp_path / "absent")
+
+
+@pytest.mark.parametrize("name", ["hall 3", "frame_000003", "1403636579763555584", "²"])
+def test_frames_whose_names_are_no_numbers_make_no_folds(name: str) -> None:
+    """All would be judged by the network that has seen them."""
+    refuse_names(["0003", "11"])
+    with pytest.raises(DataError, match=rf"^frame '{name}' is not named by a number below 1000000, by which folds"):
+        refuse_names(["0003", name])
 
 
 @pytest.mark.parametrize(

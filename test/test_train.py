@@ -16,7 +16,7 @@ from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.weights import N_FEATURES, SLICES, ModelWeights, start_weights
 from room_layout_ros.datasets import Sample
 from room_layout_ros.datasets.synthetic import NOISES, random_pose, random_scene, render
-from room_layout_ros.learning.folds import folds_of, is_near
+from room_layout_ros.learning.folds import folds_of, frame_numbers, is_near
 from room_layout_ros.learning.joint_examples import FrameDescription, JointExample, build_example, describe
 from room_layout_ros.learning.joint_oracle import JointOracle, active_features, judge
 from room_layout_ros.learning.losses import joint_loss, label_overlap, mean_iou
@@ -159,6 +159,12 @@ def test_folds_keep_neighbours_apart() -> None:
     assert sorted(seen) == list(range(100))
     with pytest.raises(ValueError, match="folds"):
         list(folds_of(names, 1))
+
+
+def test_a_time_is_no_number_of_a_frame() -> None:
+    """Names in nanoseconds would have no neighbours, and pass for rendered frames."""
+    times = [str(1403636579763555584 + 33_000_000 * i) for i in range(3)]
+    assert frame_numbers(["0007", "7", *times, "999999", "1000000", "²", "hall"]) == [7, 7, 2, 3, 4, 999999, 6, 7, 8]
 
 
 def test_held_out_frames_and_their_neighbours_are_left_out() -> None:

@@ -27,7 +27,8 @@ from room_layout_ros.learning.context import (
     structure_error,
     train_context,
 )
-from room_layout_ros.learning.context_table import SYNTHETIC_FIRST, ContextTable, collect_table, join_tables
+from room_layout_ros.learning.context_table import ContextTable, collect_table, join_tables
+from room_layout_ros.learning.folds import SYNTHETIC_FIRST
 from room_layout_ros.learning.synthetic_frames import random_frames
 
 CONFIG = EstimatorConfig(superpixel_count=70)

@@ -37,7 +37,7 @@ from room_layout_ros.learning.folds import MARGIN, is_near_block
 from room_layout_ros.learning.origin import origin
 from room_layout_ros.learning.scene_errors import scene_errors
 from room_layout_ros.learning.scene_examples import SceneExamples, collect_examples, join_examples
-from room_layout_ros.learning.scene_folds import SceneFold, number_folds, write_folds
+from room_layout_ros.learning.scene_folds import SceneFold, number_folds, refuse_names, write_folds
 from room_layout_ros.learning.synthetic_frames import random_frames
 from room_layout_ros.learning.train_run import choose_names
 
@@ -95,6 +95,8 @@ def run(arguments: argparse.Namespace) -> int:
     source = open_and_tell(arguments.input)
     if not isinstance(source, FramesFolder):
         raise DataError(f"{source.title} is no frames folder; the scene network needs one with labels40/")
+    if arguments.folds:
+        refuse_names(source.names)
     names = choose_names(source.names, subset_names(source, arguments.hold_out, "--hold-out"), None)
     real = collect_examples(good_samples(source.subset(tuple(names))), read_fits(arguments.fits))
     synthetic = None

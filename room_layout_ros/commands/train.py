@@ -4,7 +4,7 @@ DIR gets:
   context_rgbd.npz    classifier of superpixels (geometric context), of all frames, or of those that --frames leaves
   furniture_rgbd.npz  classifier of clutter superpixels, likewise
   joint_rgbd.npz      weights of the joint energy, by a structured SVM on out-of-fold context
-  training.json       settings, progress and cross-validated losses
+  training_rgbd.json  settings, progress and cross-validated losses
   work/               examples and checkpoints: the same command goes on where it was stopped; may be deleted then
 With --rgb-only the files end in _rgb, without --scene in _plain. Copy them into config/ to make them the default.
 With --c-curve DIR gets c_curve.json alone: errors on one half of the frames after learning on the other, for each C.
@@ -22,7 +22,7 @@ from typing import Any
 
 from room_layout_ros.commands.counts import add_work_arguments, count, whole
 from room_layout_ros.commands.evaluate import subset_names
-from room_layout_ros.commands.output_folder import make_folder
+from room_layout_ros.commands.output_folder import held_alone
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import open_and_tell
 from room_layout_ros.core.config import EstimatorConfig
@@ -108,13 +108,12 @@ def run(arguments: argparse.Namespace) -> int:
     if not isinstance(source, FramesFolder):
         raise DataError(f"{source.title} is no frames folder; training needs one with labels40/")
     held_out = subset_names(source, arguments.hold_out, "--hold-out")
-    make_folder("--out", arguments.out)
     context = _settings(arguments)
     config = train.TrainConfig(svm=svm, folds=arguments.folds, algorithm=arguments.algorithm, context=context)
     estimator = EstimatorConfig(use_depth=not arguments.rgb_only, scene_network=arguments.scene is not None)
     networks = None if arguments.scene is None else read_folds(arguments.scene.absolute())
     store = ExampleStore((arguments.out / "work" / "examples").absolute())
-    with open_workers(arguments.jobs, arguments.scheduler) as spread:
+    with held_alone("--out", arguments.out), open_workers(arguments.jobs, arguments.scheduler) as spread:
         place = Workplace(estimator, store, spread, networks)
         _Run(arguments, source, config, place).go(held_out)
     return 0
@@ -247,10 +246,10 @@ class _Run:
         return path
 
     def write(self, weights: ModelWeights, card: dict[str, Any], result: SvmResult) -> None:
-        out = self.arguments.out
         save_weights(dataclasses.replace(weights, card=card), self.path("joint"))
         rows = [dataclasses.asdict(row) for row in result.history]
-        write_atomically(out / "training.json", json.dumps({**card, "history": rows}, indent=1).encode())
+        listing = self.path("training").with_suffix(".json")
+        write_atomically(listing, json.dumps({**card, "history": rows}, indent=1).encode())
 
 
 def _say(text: str) -> None:

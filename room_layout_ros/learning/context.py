@@ -20,8 +20,8 @@ from ..core.layout import RoomCuboid
 from ..datasets.folder import FramesFolder
 from ..datasets.sample import good_samples
 from ..datasets.synthetic import NOISES
-from .context_table import SYNTHETIC_FIRST, ContextTable, collect_table, join_tables
-from .folds import MARGIN, is_near, is_near_block
+from .context_table import ContextTable, collect_table, join_tables
+from .folds import MARGIN, SYNTHETIC_FIRST, is_near, is_near_block
 from .scene_folds import SceneFolds
 from .synthetic_frames import random_frames
 
@@ -154,6 +154,11 @@ def grow(table: ContextTable, rows: NDArray[np.bool_], settings: ContextSettings
 
     A superpixel weighs as much as it has labelled pixels, and less the more mixed it is. One thread: the order in which
     threads add up would show in the last digits.
+
+    Raises
+    ------
+    ValueError
+        When among the rows is no frame, no clutter, no structure or fewer than two faces.
     """
     from threadpoolctl import threadpool_limits
 
@@ -169,6 +174,8 @@ def _grow(table: ContextTable, rows: NDArray[np.bool_], settings: ContextSetting
     weight = table.pixels / 1500.0 * np.abs(2.0 * share - 1.0)
     use = rows & (weight > 0.05)
     weight *= np.where(table.variant < 0, settings.synthetic_weight, 1.0)
+    named = use & (share > 0.5) & (table.labels[:, 1 : N_FACES + 1].sum(axis=1) > 0.5 * table.structure)
+    _check_classes(table, use, share > 0.5, named)
     common: dict[str, Any] = {"max_features": 0.4, "early_stopping": False, "random_state": settings.seed}
     structure = HistGradientBoostingClassifier(
         max_iter=settings.trees,
@@ -179,7 +186,6 @@ def _grow(table: ContextTable, rows: NDArray[np.bool_], settings: ContextSetting
         max_bins=BINS["structure"],
         **common,
     ).fit(table.features[use], share[use] > 0.5, sample_weight=weight[use])
-    named = use & (share > 0.5) & (table.labels[:, 1 : N_FACES + 1].sum(axis=1) > 0.5 * table.structure)
     face = HistGradientBoostingClassifier(
         max_iter=settings.face_trees,
         learning_rate=0.2,
@@ -196,19 +202,44 @@ def _grow(table: ContextTable, rows: NDArray[np.bool_], settings: ContextSetting
     return ContextModel(table.names, export_forest(structure, 1), export_forest(face, N_FACES))
 
 
+def _check_classes(
+    table: ContextTable, use: NDArray[np.bool_], structural: NDArray[np.bool_], named: NDArray[np.bool_]
+) -> None:
+    frames = len(np.unique(table.frame))
+    if not use.any():
+        raise ValueError(
+            f"of {frames} frames none is left to learn from beside a fold and its neighbours ({MARGIN} numbers, or "
+            "frames where names are no numbers, to each side); more frames are needed"
+        )
+    faces = len(np.unique(table.labels[named, 1 : N_FACES + 1].argmax(axis=1)))
+    for what, there in (
+        ("structure", (use & structural).any()),
+        ("clutter", (use & ~structural).any()),
+        ("two faces of rooms", faces > 1),
+    ):
+        if not there:
+            raise ValueError(f"{frames} frames show no {what} to learn from; more frames, or other ones, are needed")
+
+
+_NEVER = -30.0
+"""Score of a class that was not among the rows to learn from: its probability is 1e-13."""
+
+
 def export_forest(classifier: Any, outputs: int) -> Forest:
     """Turn a fitted scikit-learn HistGradientBoostingClassifier into plain arrays with the same scores.
 
     Thresholds are rounded down to float32: for float32 rows, x <= threshold then has the same answer.
 
-    Raises
-    ------
-    ValueError
-        When it has another number of outputs (a class may be missing from the training rows).
+    Parameters
+    ----------
+    classifier : fitted to the classes 0..outputs - 1, some of which may be missing; for one output to False and True.
     """
-    baseline = np.ravel(classifier._baseline_prediction).astype(np.float32)
-    if len(baseline) != outputs:
-        raise ValueError(f"the classifier has {len(baseline)} outputs; {outputs} are needed (is a class missing?)")
+    found = np.ravel(classifier._baseline_prediction).astype(np.float32)
+    places = np.zeros(1, np.intp) if outputs == 1 else classifier.classes_.astype(np.intp)
+    baseline = np.full(outputs, _NEVER, np.float32)
+    baseline[places] = 0.0
+    places = places[-len(found) :]  # of two classes there is one score, of the second against the first
+    baseline[places] = found
     trees = [(k, p.nodes) for iteration in classifier._predictors for k, p in enumerate(iteration)]
     nodes = np.concatenate([tree for _, tree in trees])
     leaf = nodes["is_leaf"].astype(bool)
@@ -224,7 +255,7 @@ def export_forest(classifier: Any, outputs: int) -> Forest:
         left=nodes["left"].astype(np.int16),
         right=nodes["right"].astype(np.int16),
         root=np.cumsum([0] + [len(tree) for _, tree in trees[:-1]]).astype(np.int32),
-        output=np.array([k for k, _ in trees], np.int16),
+        output=np.array([places[k] for k, _ in trees], np.int16),
         baseline=baseline,
     )
 

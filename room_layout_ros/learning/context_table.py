@@ -18,6 +18,7 @@ from ..core.observation import no_scene, observe
 from ..core.superpixels import Superpixels
 from ..datasets.sample import Sample
 from .degradation import degrade_depth
+from .folds import SYNTHETIC_FIRST, frame_number
 from .scene_folds import SceneFolds
 from .superpixel_truth import class_histogram, label_histogram, true_labels
 
@@ -48,10 +49,6 @@ class ContextTable:
         return self.classes[:, 1:].sum(axis=1)
 
 
-SYNTHETIC_FIRST = 1_000_000
-"""Number of the first synthetic frame in a table."""
-
-
 def join_tables(tables: Sequence[ContextTable]) -> ContextTable:
     """Put tables of the same features one below the other.
 
@@ -80,7 +77,7 @@ def collect_table(
 
     Parameters
     ----------
-    samples : with NYU40 labels; others are left out. The frame's number is its name where that is one.
+    samples : with NYU40 labels; others are left out. The frame's number is `folds.frame_number`.
     rooms : fitted rooms by frame name; a frame without one teaches structure against clutter only.
     degraded_every : every how many-th frame (by its number) comes a second time with degraded depth
         (`degrade_depth`), if there is depth; 0 for none.
@@ -91,8 +88,7 @@ def collect_table(
     for ordinal, sample in enumerate(samples):
         if sample.truth is None or sample.truth.labels40 is None:
             continue
-        number = int(sample.name) if sample.name.isdigit() else ordinal
-        number += SYNTHETIC_FIRST if synthetic else 0
+        number = ordinal + SYNTHETIC_FIRST if synthetic else frame_number(sample.name, ordinal)
         room = sample.truth.cuboid if synthetic else rooms.get(sample.name)
         twice = config.use_depth and degraded_every > 0 and number % degraded_every == 0
         for variant in range(1 + twice):

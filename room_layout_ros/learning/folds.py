@@ -13,9 +13,19 @@ MARGIN = 5
 _NUMBERED = re.compile(r"(.*?)(\d*)", re.DOTALL | re.ASCII)
 
 
+SYNTHETIC_FIRST = 1_000_000
+"""Number of the first synthetic frame in a table. A recorded frame's name that is such a number is a time, no count."""
+
+
+def frame_number(name: str, ordinal: int) -> int:
+    """Return the number by which a frame's neighbours are told: its name where that counts frames, else its place."""
+    counts = name.isascii() and name.isdigit() and len(name.lstrip("0")) < len(str(SYNTHETIC_FIRST))
+    return int(name) if counts else ordinal
+
+
 def frame_numbers(names: Sequence[str]) -> list[int]:
-    """Return the numbers of frames by which neighbours are told: the names where they are numbers, else the order."""
-    return [int(name) if name.isdigit() else i for i, name in enumerate(names)]
+    """Return the numbers of frames by which neighbours are told: the names where they count frames, else the order."""
+    return [frame_number(name, i) for i, name in enumerate(names)]
 
 
 def is_near(names: Sequence[str], others: Collection[str]) -> NDArray[np.bool_]:

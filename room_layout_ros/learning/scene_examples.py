@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..core.labels import CEILING, FLOOR
 from ..core.layout import RoomCuboid
 from ..datasets.sample import Sample, labels_from_classes
-from .context_table import SYNTHETIC_FIRST
+from .folds import SYNTHETIC_FIRST, frame_number
 
 WIDTH, HEIGHT = 320, 240
 """Size the examples are kept in, in pixels; crops of it become the input of the network."""
@@ -67,7 +67,6 @@ def collect_examples(
     for ordinal, sample in enumerate(samples):
         if sample.truth is None or sample.truth.labels40 is None or sample.frame.color is None:
             continue
-        number = int(sample.name) if sample.name.isdigit() else ordinal
         room = sample.truth.cuboid if synthetic else rooms.get(sample.name)
         classes = sample.truth.labels40
         layout = np.zeros_like(classes) if room is None else room.raster(sample.frame.camera)
@@ -75,7 +74,7 @@ def collect_examples(
             (
                 cv2.resize(sample.frame.color, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA),
                 *(_shrink(image) for image in (_labels(layout, classes, room is not None), layout, classes)),
-                number + (SYNTHETIC_FIRST if synthetic else 0),
+                ordinal + SYNTHETIC_FIRST if synthetic else frame_number(sample.name, ordinal),
             )
         )
     if not rows:

@@ -12,7 +12,7 @@ from ..core.frame import RgbdFrame
 from ..core.models import SCENE_FILE
 from ..core.scene_network import SceneNetwork, SceneScores, compute_scene_scores, load_network
 from ..datasets import DataError
-from .folds import number_blocks
+from .folds import SYNTHETIC_FIRST, frame_number, number_blocks
 
 FOLDS_FILE = "scene_folds.json"
 
@@ -35,7 +35,7 @@ class SceneFolds:
 
     def network(self, name: str) -> SceneNetwork:
         """Return the network that is honest about a frame."""
-        number = int(name) if name.isdigit() else -1
+        number = frame_number(name, -1)
         file = next((fold.file for fold in self.folds if fold.first <= number <= fold.last), SCENE_FILE)
         return _network(self.folder / file)
 
@@ -47,6 +47,21 @@ class SceneFolds:
 @lru_cache(maxsize=8)
 def _network(path: Path) -> SceneNetwork:
     return load_network(path)
+
+
+def refuse_names(names: Sequence[str]) -> None:
+    """Refuse frames that folds cannot tell apart: a fold knows its frames by the numbers that are their names.
+
+    Raises
+    ------
+    DataError
+        When a name is no number of a frame.
+    """
+    if strange := [name for name in names if frame_number(name, -1) < 0]:
+        raise DataError(
+            f"frame {strange[0]!r} is not named by a number below {SYNTHETIC_FIRST}, by which folds tell their frames; "
+            "rename the frames, or train no folds (--folds 0)"
+        )
 
 
 def number_folds(numbers: Sequence[int], count: int) -> list[SceneFold]:
