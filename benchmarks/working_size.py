@@ -1,11 +1,11 @@
-"""What a smaller working size saves and costs: real frames, rendered rooms of an HD camera and of a Kinect."""
+"""What resizing to a working size saves and gains: real frames, and rooms seen by cameras of 160x120 to 1280x720."""
 
 from __future__ import annotations
 
 import sys
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.freespace import free_space_of_frame
+from room_layout_ros.core.working_size import resize_frame
 from room_layout_ros.datasets import good_samples, open_folder
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import KINECT, NOISES, SyntheticRoom
@@ -28,12 +29,19 @@ from room_layout_ros.evaluation.free_space import (
 from room_layout_ros.evaluation.measures import mean_iou, score_pixels
 
 ROOMS, SCENES = 16, 8
-FULL = 8192
-RENDERED = {"1280x720": (HD, (FULL, 640, 320)), "640x480": (KINECT, (640, 320))}
+OWN = 0
+RENDERED = {
+    "1280x720": (HD, (OWN, 640, 320)),
+    "640x480": (KINECT, (640, 320)),
+    "320x240": (CameraIntrinsics(320, 240, 262.0, 262.0, 159.5, 119.5), (OWN, 640)),
+    "320x240, 120 deg": (CameraIntrinsics(320, 240, 92.0, 92.0, 159.5, 119.5), (OWN, 640)),
+    "224x172": (CameraIntrinsics(224, 172, 186.0, 186.0, 111.5, 85.5), (OWN, 640)),
+    "160x120": (CameraIntrinsics(160, 120, 131.0, 131.0, 79.5, 59.5), (OWN, 640)),
+}
 """Cameras of the rendered rooms, and the working sizes that each is looked at with."""
 
 HEAD = (
-    f"{'':<30}{'layout %':>10}{'labels %':>10}{'mean IoU':>10}{'CPU ms':>8}"
+    f"{'':<36}{'layout %':>10}{'labels %':>10}{'mean IoU':>10}{'CPU ms':>8}"
     f"{'free IoU':>10}{'too near':>10}{'3 cm':>7}{'5 cm':>7}{'CPU ms':>8}"
 )
 
@@ -53,7 +61,7 @@ class Row:
     def line(self, title: str) -> str:
         iou = 100 * mean_iou(np.sum(self.confusion, axis=0))
         of_room = f"{np.mean(self.layout):>10.2f}{np.nanmean(self.labelling):>10.2f}{iou:>10.1f}"
-        line = f"{title:<30}{of_room}{1e3 * np.median(self.seconds):>8.1f}"
+        line = f"{title:<36}{of_room}{1e3 * np.median(self.seconds):>8.1f}"
         if not self.floor:
             return line
         near = sum(s.too_near for s in self.floor)
@@ -94,11 +102,33 @@ def main() -> int:
         for size in (640, 320):
             row = measure(EstimatorConfig(working_size_px=size), ((None, sample) for sample in samples))
             print(row.line(f"nyuv2, the {len(names)}, at {size}"), flush=True)
+        for part in (3, 4):
+            small = [_reduced(sample, part) for sample in samples]
+            for size in (OWN, 640):
+                row = measure(EstimatorConfig(working_size_px=size), ((None, sample) for sample in small))
+                title = f"nyuv2 of {small[0].frame.camera.width}x{small[0].frame.camera.height}"
+                print(row.line(f"{title}, at {_said(size)}"), flush=True)
     for noise in NOISES:
         for title, (camera, sizes) in RENDERED.items():
             for size in sizes:
                 _rendered(title, camera, size, noise)
     return 0
+
+
+def _said(size: int) -> str:
+    return "its own" if size == OWN else str(size)
+
+
+def _reduced(sample: Sample, part: int) -> Sample:
+    """The sample as a camera of fewer pixels would have it."""
+    truth, middle = sample.truth, slice(part // 2, None, part)
+    assert truth is not None
+    assert truth.layout is not None
+    assert truth.labels40 is not None
+    frame = resize_frame(sample.frame, sample.frame.camera.width // part)
+    height, width = frame.camera.height, frame.camera.width
+    layout, classes = (image[middle, middle][:height, :width] for image in (truth.layout, truth.labels40))
+    return replace(sample, frame=frame, truth=replace(truth, layout=layout, labels40=classes))
 
 
 def _rendered(title: str, camera: CameraIntrinsics, size: int, noise: str) -> None:
@@ -107,7 +137,7 @@ def _rendered(title: str, camera: CameraIntrinsics, size: int, noise: str) -> No
     for side_m in SIZES_M:
         found, total = small_things(LayoutEstimator(config), noise, side_m, range(SCENES), camera)
         row.found += f"{found:>4}/{total}"
-    print(row.line(f"{title}, {noise}, at {'full size' if size == FULL else size}"), flush=True)
+    print(row.line(f"{title}, {noise}, at {_said(size)}"), flush=True)
 
 
 if __name__ == "__main__":

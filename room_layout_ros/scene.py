@@ -12,7 +12,7 @@ from .core.estimate import RoomEstimate
 from .core.floor_plane import FloorPlane
 from .core.frame import RgbdFrame
 from .core.freespace import FreeSpace, compute_free_space
-from .core.working_size import reduce_estimate, reduce_frame
+from .core.working_size import resize_estimate, resize_frame
 from .node_config import NodeConfig
 
 
@@ -29,12 +29,12 @@ class Scene:
     @cached_property
     def working_frame(self) -> RgbdFrame:
         """The frame at the estimator's working size."""
-        return reduce_frame(self.frame, self.estimator.working_size_px)
+        return resize_frame(self.frame, self.estimator.working_size_px)
 
     @cached_property
     def working_estimate(self) -> RoomEstimate:
         """The estimate with its images at that size."""
-        return reduce_estimate(self.estimate, self.frame.camera, self.estimator.working_size_px)
+        return resize_estimate(self.estimate, self.frame.camera, self.estimator.working_size_px)
 
     @cached_property
     def geometry(self) -> DepthGeometry | None:

@@ -1,4 +1,4 @@
-"""The slow obvious twin of the reduction of depth: block by block."""
+"""The slow obvious twins of resized depth: block by block, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -22,3 +22,19 @@ def naive_reduced_depth(depth_m: NDArray[np.float32], step: int) -> NDArray[np.f
                 near = 3.0 * (0.01 + 0.0019 * measured[0] ** 2)
                 reduced[i, j] = measured[np.abs(measured - measured[0]) <= near].mean()
     return reduced
+
+
+def naive_enlarged_depth(depth_m: NDArray[np.float32], step: int) -> NDArray[np.float32]:
+    """(H step, W step) float32: between the four nearest pixels where they are of one surface, else the nearest."""
+    height, width = depth_m.shape
+    enlarged = np.empty((height * step, width * step), np.float32)
+    for y, x in np.ndindex(enlarged.shape):
+        v = np.clip((y + 0.5) / step - 0.5, 0, height - 1)
+        u = np.clip((x + 0.5) / step - 0.5, 0, width - 1)
+        i, j = min(int(v), height - 2), min(int(u), width - 2)
+        four = depth_m[i : i + 2, j : j + 2].astype(np.float64)
+        enlarged[y, x] = depth_m[y // step, x // step]
+        if (four > 0).all() and np.isfinite(four).all() and four.min() >= 0.93 * four.max():
+            rows = np.array([1 - (v - i), v - i])
+            enlarged[y, x] = 1.0 / (rows @ (1.0 / four) @ np.array([1 - (u - j), u - j]))
+    return enlarged

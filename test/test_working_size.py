@@ -1,4 +1,4 @@
-"""Larger images are worked on at a whole part of their size, and nothing but time tells."""
+"""Large and small images are worked on at about one size, and give results of their own."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from furnished import CONFIG, empty, with_truth
-from naive_working_size import naive_reduced_depth
+from naive_working_size import naive_enlarged_depth, naive_reduced_depth
 from numpy.typing import NDArray
 
 from room_layout_ros.core.config import EstimatorConfig
@@ -15,7 +15,7 @@ from room_layout_ros.core.estimate import RoomEstimate, Status
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.core.freespace import free_space_of_frame
-from room_layout_ros.core.working_size import enlarge_estimate, reduce_estimate, reduce_frame, reduction
+from room_layout_ros.core.working_size import resize_estimate, resize_frame, restore_estimate, working_factors
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import CLEAN, KINECT, NOISES, camera_pose, random_pose, random_scene, render
 from room_layout_ros.node_config import NodeConfig
@@ -36,22 +36,27 @@ def furnished(camera: CameraIntrinsics, seed: int, noise: str = "kinect") -> Sam
 
 
 @pytest.mark.parametrize(
-    ("width", "height", "working", "step"),
+    ("width", "height", "working", "factors"),
     [
-        (640, 480, 640, 1), (848, 480, 640, 1), (1279, 720, 640, 1), (1280, 720, 640, 2), (720, 1280, 640, 2),
-        (1920, 1080, 640, 3), (640, 480, 320, 2), (8192, 8192, 240, 34), (1280, 1, 640, 1), (5000, 3, 640, 3),
+        (640, 480, 640, (1, 1)), (848, 480, 640, (1, 1)), (1279, 720, 640, (1, 1)), (512, 424, 640, (1, 1)),
+        (1280, 720, 640, (2, 1)), (720, 1280, 640, (2, 1)), (1920, 1080, 640, (3, 1)), (640, 480, 320, (2, 1)),
+        (320, 240, 640, (1, 2)), (424, 240, 640, (1, 2)), (224, 172, 640, (1, 3)), (120, 160, 640, (1, 4)),
+        (320, 240, 320, (1, 1)), (160, 120, 0, (1, 1)), (8192, 8192, 160, (51, 1)), (1280, 1, 640, (1, 1)),
+        (5000, 3, 640, (3, 1)),
     ],
 )  # fmt: skip
-def test_the_longer_side_keeps_the_working_size(width: int, height: int, working: int, step: int) -> None:
+def test_the_longer_side_is_about_the_working_size(
+    width: int, height: int, working: int, factors: tuple[int, int]
+) -> None:
     camera = CameraIntrinsics(width, height, 500.0, 500.0, 0.5 * width, 0.5 * height)
-    assert reduction(camera, working) == step
+    assert working_factors(camera, working) == factors
 
 
-def test_a_frame_no_larger_is_itself() -> None:
+def test_a_frame_of_that_size_is_itself() -> None:
     frame = view(KINECT).frame
-    assert reduce_frame(frame, 640) is frame
+    assert resize_frame(frame, 640) is frame
     estimate = with_truth(view(KINECT))
-    assert reduce_estimate(estimate, KINECT, 640) is estimate
+    assert resize_estimate(estimate, KINECT, 640) is estimate
 
 
 @pytest.mark.parametrize("step", [2, 3, 5])
@@ -63,25 +68,53 @@ def test_depth_is_as_its_slow_twin_says(step: int) -> None:
     depth[10:25, 20:40] = np.nan
     camera = CameraIntrinsics(83, 61, 60.0, 60.0, 41.0, 30.0)
     frame = RgbdFrame(camera, None, depth)
-    small = reduce_frame(frame, 83 // step)
-    assert reduction(camera, 83 // step) == step
+    small = resize_frame(frame, 83 // step)
+    assert working_factors(camera, 83 // step) == (step, 1)
     assert small.depth_m is not None
     np.testing.assert_allclose(small.depth_m, naive_reduced_depth(depth, step), rtol=1e-6)
     assert np.isnan(small.depth_m).any()
 
 
-def test_no_depth_lies_between_a_thing_and_the_wall_behind_it() -> None:
-    depth = np.full((720, 1280), 3.0, np.float32)
-    depth[101:401, 301:701] = 1.5
-    reduced = reduce_frame(RgbdFrame(HD, None, depth), 640).depth_m
-    assert reduced is not None
-    assert set(np.unique(reduced)) == {1.5, 3.0}
+@pytest.mark.parametrize("step", [2, 3, 4])
+def test_enlarged_depth_is_as_its_slow_twin_says(step: int) -> None:
+    rng = np.random.default_rng(step)
+    ramp = 2.0 + 0.04 * np.arange(31)[:, None] + 0.02 * np.arange(40)
+    depth = (ramp + rng.normal(0.0, 0.01, (31, 40)) + 1.5 * (rng.random((31, 40)) < 0.1)).astype(np.float32)
+    for value in (np.nan, np.inf, 0.0, -1.0):
+        depth[rng.random(depth.shape) < 0.03] = value
+    camera = CameraIntrinsics(40, 31, 30.0, 30.0, 19.5, 15.0)
+    large = resize_frame(RgbdFrame(camera, None, depth), 40 * step)
+    assert (large.camera.width, large.camera.height) == (40 * step, 31 * step)
+    assert large.depth_m is not None
+    np.testing.assert_allclose(large.depth_m, naive_enlarged_depth(depth, step), rtol=1e-6)
+
+
+def test_an_enlarged_plane_is_the_plane() -> None:
+    """Inverse depth is affine on a plane; outside the centres of the outer pixels it cannot be known."""
+    camera = CameraIntrinsics(160, 120, 130.0, 130.0, 79.5, 59.5)
+    sample = view(camera, 0.4)
+    large = resize_frame(sample.frame, 640)
+    direct = view(large.camera, 0.4).frame
+    assert large.depth_m is not None
+    assert direct.depth_m is not None
+    off = np.abs(large.depth_m - direct.depth_m)[4:-4, 4:-4]
+    assert np.quantile(off, 0.9) < 1e-3
+    assert off.max() < 0.1
+
+
+@pytest.mark.parametrize("camera", [HD, CameraIntrinsics(160, 120, 130.0, 130.0, 79.5, 59.5)])
+def test_no_depth_lies_between_a_thing_and_the_wall_behind_it(camera: CameraIntrinsics) -> None:
+    depth = np.full((camera.height, camera.width), 3.0, np.float32)
+    depth[31:101, 41:91] = 1.5
+    resized = resize_frame(RgbdFrame(camera, None, depth), 640).depth_m
+    assert resized is not None
+    assert set(np.unique(resized)) == {1.5, 3.0}
 
 
 def test_depth_of_a_surface_loses_noise() -> None:
     rng = np.random.default_rng(0)
     depth = np.asarray(2.0 + rng.normal(0.0, 0.01, (720, 1280)), np.float32)
-    reduced = reduce_frame(RgbdFrame(HD, None, depth), 640).depth_m
+    reduced = resize_frame(RgbdFrame(HD, None, depth), 640).depth_m
     assert reduced is not None
     assert reduced.std() < 0.0055
     assert abs(reduced.mean() - 2.0) < 1e-4
@@ -90,7 +123,7 @@ def test_depth_of_a_surface_loses_noise() -> None:
 def test_colour_is_the_mean_of_a_block() -> None:
     color = np.random.default_rng(0).integers(0, 256, (721, 1283, 3), dtype=np.uint8)
     camera = replace(HD, width=1283, height=721)
-    reduced = reduce_frame(RgbdFrame(camera, color), 640).color
+    reduced = resize_frame(RgbdFrame(camera, color), 640).color
     assert reduced is not None
     blocks = color[:720, :1282].reshape(360, 2, 641, 2, 3).astype(np.float64).mean(axis=(1, 3))
     assert reduced.shape == blocks.shape
@@ -99,7 +132,7 @@ def test_colour_is_the_mean_of_a_block() -> None:
 
 def test_the_reduced_camera_sees_the_same_room() -> None:
     """The scene rendered by the reduced camera has the depth of the reduced frame, but for outlines."""
-    small = reduce_frame(view(HD, 0.4).frame, 640)
+    small = resize_frame(view(HD, 0.4).frame, 640)
     direct = view(small.camera, 0.4).frame
     assert small.depth_m is not None
     assert direct.depth_m is not None
@@ -112,7 +145,7 @@ def test_the_reduced_camera_sees_the_same_room() -> None:
 def odd_estimate() -> tuple[RoomEstimate, CameraIntrinsics]:
     """The truth of a furnished room at the reduced size, and a camera whose sides are no whole multiples."""
     camera = replace(HD, width=1283, height=721)
-    sample = furnished(reduce_frame(RgbdFrame(camera, np.zeros((721, 1283, 3), np.uint8)), 640).camera, 5, "clean")
+    sample = furnished(resize_frame(RgbdFrame(camera, np.zeros((721, 1283, 3), np.uint8)), 640).camera, 5, "clean")
     height, width = sample.frame.camera.height, sample.frame.camera.width
     superpixels = np.arange(height * width, dtype=np.int32).reshape(height, width)
     return replace(with_truth(sample), superpixels=superpixels), camera
@@ -120,12 +153,12 @@ def odd_estimate() -> tuple[RoomEstimate, CameraIntrinsics]:
 
 def test_an_enlarged_estimate_fills_the_image_and_comes_back() -> None:
     small, camera = odd_estimate()
-    large = enlarge_estimate(small, camera, 640)
+    large = restore_estimate(small, camera, 640)
     assert small.cuboid is not None
     np.testing.assert_array_equal(large.layout, small.cuboid.raster(camera))
     for one, other in zip(large.polygons, small.cuboid.polygons(camera), strict=True):
         np.testing.assert_array_equal(one.pixels, other.pixels)
-    back = reduce_estimate(large, camera, 640)
+    back = resize_estimate(large, camera, 640)
     for name in ("furniture", "superpixels"):
         np.testing.assert_array_equal(getattr(back, name), getattr(small, name))
         assert getattr(large, name).shape == (721, 1283)
@@ -138,7 +171,7 @@ def test_an_enlarged_estimate_fills_the_image_and_comes_back() -> None:
 
 def test_structure_follows_the_layout_between_the_blocks() -> None:
     small, camera = odd_estimate()
-    large = enlarge_estimate(small, camera, 640)
+    large = restore_estimate(small, camera, 640)
     structure = large.labels != 6
     np.testing.assert_array_equal(large.labels[structure], large.layout[structure])
 
@@ -148,7 +181,7 @@ def test_the_estimate_has_the_size_of_the_frame() -> None:
     estimate = LayoutEstimator().estimate(sample.frame)
     assert estimate.status is Status.OK
     assert {getattr(estimate, name).shape for name in IMAGES} == {(720, 1280)}
-    assert {"reduction", "enlargement", "joint"} <= set(estimate.timings_ms)
+    assert {"resize", "restore", "joint"} <= set(estimate.timings_ms)
     truth = sample.truth
     assert truth is not None
     assert truth.layout is not None
@@ -164,8 +197,8 @@ def test_full_size_on_request_is_as_near_to_the_truth() -> None:
     sample = furnished(HD, 3)
     assert sample.truth is not None
     assert sample.truth.layout is not None
-    full = LayoutEstimator(EstimatorConfig(working_size_px=8192)).estimate(sample.frame)
-    assert "reduction" not in full.timings_ms
+    full = LayoutEstimator(EstimatorConfig(working_size_px=0)).estimate(sample.frame)
+    assert "resize" not in full.timings_ms
     assert (full.layout != sample.truth.layout).mean() < 0.01
 
 
@@ -189,9 +222,9 @@ def test_the_depth_method_is_reduced_too() -> None:
 def test_free_space_is_that_of_the_reduced_frame() -> None:
     sample = view(HD)
     large = with_truth(sample)
-    small = reduce_frame(sample.frame, 640)
+    small = resize_frame(sample.frame, 640)
     one = free_space_of_frame(sample.frame, large, CONFIG)
-    other = free_space_of_frame(small, reduce_estimate(large, HD, 640), CONFIG)
+    other = free_space_of_frame(small, resize_estimate(large, HD, 640), CONFIG)
     scene = Scene(sample.frame, large, NodeConfig(), CONFIG).free_space
     assert one is not None
     assert other is not None
@@ -204,9 +237,32 @@ def test_free_space_is_that_of_the_reduced_frame() -> None:
 
 def test_the_clouds_are_as_dense_as_those_of_a_camera_of_the_working_size() -> None:
     counts = []
-    for camera in (HD, reduce_frame(view(HD).frame, 640).camera):
+    for camera in (HD, resize_frame(view(HD).frame, 640).camera):
         sample = view(camera)
         space = free_space_of_frame(sample.frame, with_truth(sample), CONFIG)
         assert space is not None
         counts.append(len(space.floor))
     assert counts[0] == pytest.approx(counts[1], rel=0.02)
+
+
+@pytest.mark.parametrize("noise", ["kinect", "stereo"])
+def test_a_camera_of_few_pixels_sees_the_room(noise: str) -> None:
+    """At its own size nothing is left for cells of 10 pixels."""
+    camera = CameraIntrinsics(224, 172, 186.0, 186.0, 111.5, 85.5)
+    errors = []
+    for seed in (2, 3, 5):
+        sample = furnished(camera, seed, noise)
+        estimate = LayoutEstimator().estimate(sample.frame)
+        assert sample.truth is not None
+        assert sample.truth.layout is not None
+        assert {getattr(estimate, name).shape for name in IMAGES} == {(172, 224)}
+        errors.append((estimate.layout != sample.truth.layout).mean())
+        corners = np.concatenate([p.pixels for p in estimate.polygons])
+        assert corners.min() >= -0.5
+        assert corners.max() <= 223.5
+    assert np.mean(errors) < 0.02
+
+
+def test_a_working_size_without_cells_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"working_size_px is 100 px; allowed are 0 \(no resizing\) and 160 or more"):
+        EstimatorConfig(working_size_px=100)

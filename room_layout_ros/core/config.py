@@ -11,6 +11,9 @@ from typing import Any
 
 Value = bool | int | float | str
 
+_MIN_WORKING_PX = 160
+"""Smaller images have too few cells of depth."""
+
 _MAX_CELLS = 4_000_000
 """Of the free-space grid: so many take 0.25 s a frame; 18 million, 1.2 s and 1.3 GB more than the usual 19 thousand."""
 
@@ -71,20 +74,24 @@ class EstimatorConfig:
     Raises
     ------
     ValueError
-        When a value is of the wrong type or out of its bounds, the nearest depth is not before the farthest, the
-        lowest obstacle is not lower than the robot, or the free-space grid has too many cells.
+        When a value is of the wrong type or out of its bounds, the working size is too small, the nearest depth is not
+        before the farthest, the lowest obstacle is not lower than the robot, or the free-space grid has too many cells.
     """
 
     use_color: bool = _p(True, "use the colour image (false: depth-only operation)")
     use_depth: bool = _p(True, "use the depth image (false: the paper's RGB variant)")
     working_size_px: int = _p(
-        640, "larger images are reduced by a whole factor, the longer side to no less; results have the full size",
-        "px", 240, 8192,
+        640, "images are resized by a whole factor until the longer side is about this (0: not at all; at least 160); "
+        "results have the image's size", "px", 0, 8192,
     )  # fmt: skip
     method: str = _p(
         "joint", "joint: the learned model; depth: the simple depth estimator (a baseline)", choices=("joint", "depth")
     )
     scene_network: bool = _p(True, "look at the colour image with the convolutional network, the most accurate way")
+    furniture_features: str = _p(
+        "context", "what tells furniture: context, the accurate way; kernel, the paper's kernel descriptors, slower",
+        choices=("context", "kernel"),
+    )  # fmt: skip
     axes_hypotheses: int = _p(2, "namings and triples of the axes that the joint energy chooses from", "", 1, 8)
     axes_hypotheses_rgb: int = _p(2, "the same without depth", "", 1, 8)
     min_depth_m: float = _p(0.2, "nearer measurements are ignored", "m", 0.0, 5.0)
@@ -99,8 +106,9 @@ class EstimatorConfig:
     )
     superpixel_lambda_color: float = _p(10.0, "weight of the colour term (paper: lambda_a)", "", 0.0, 100.0)
     superpixel_lambda_depth: float = _p(
-        2.0, "weight of the depth term, the residual to the superpixel's plane; 0 is plain SLIC", "", 0.0, 100.0
-    )
+        2.0, "weight of the depth term, the residual to the superpixel's plane; 0 is the paper's plain SLIC only with "
+        "superpixel_oversegmentation 1", "", 0.0, 100.0,
+    )  # fmt: skip
     superpixel_lambda_gradient: float = _p(
         0.0, "weight of the gradient of inverse depth, the paper's own term (lambda_d); 20 ms more", "", 0.0, 100.0
     )
@@ -158,6 +166,11 @@ class EstimatorConfig:
     def __post_init__(self) -> None:
         for parameter in parameters(type(self)):
             object.__setattr__(self, parameter.name, parameter.check(getattr(self, parameter.name)))
+        if 0 < self.working_size_px < _MIN_WORKING_PX:
+            raise ValueError(
+                f"working_size_px is {self.working_size_px} px; "
+                f"allowed are 0 (no resizing) and {_MIN_WORKING_PX} or more"
+            )
         if self.min_depth_m >= self.max_depth_m:
             raise ValueError(
                 f"min_depth_m is {self.min_depth_m} m and max_depth_m {self.max_depth_m} m; the first must be less"

@@ -22,7 +22,7 @@ from .scene_network import SceneScores, compute_scene_scores
 from .stage_clock import StageClock
 from .tracking import TemporalPrior
 from .weights import uses
-from .working_size import enlarge_estimate, reduce_frame, reduction
+from .working_size import resize_frame, restore_estimate, working_factors
 
 
 class LayoutEstimator:
@@ -68,8 +68,8 @@ class LayoutEstimator:
             Always; its `status` says whether a room was found.
         """
         run, config, camera = StageClock(), self.config, frame.camera
-        if reduction(camera, config.working_size_px) > 1:
-            return self._estimate_reduced(frame, prior, expired)
+        if working_factors(camera, config.working_size_px) != (1, 1):
+            return self._estimate_resized(frame, prior, expired)
         seen = observe(frame, config, self.look, prior, run, with_parts=config.method == "joint")
         if isinstance(seen, Status):
             return no_estimate(seen, frame, run.timings_ms)
@@ -105,14 +105,14 @@ class LayoutEstimator:
         confidence = models.confidence
         return conclude(frame, axes, superpixels, joint, room, drawn(), confidence, run.timings_ms)
 
-    def _estimate_reduced(
+    def _estimate_resized(
         self, frame: RgbdFrame, prior: TemporalPrior | None, expired: Callable[[], bool]
     ) -> RoomEstimate:
         """Estimate the room at the working size, and return the estimate at that of the frame."""
         run, size = StageClock(), self.config.working_size_px
-        small = run("reduction", reduce_frame, frame, size)
-        whole = run("enlargement", enlarge_estimate, self.estimate(small, prior, expired), frame.camera, size)
-        return replace(whole, timings_ms={**whole.timings_ms, **run.timings_ms})
+        resized = run("resize", resize_frame, frame, size)
+        estimate = run("restore", restore_estimate, self.estimate(resized, prior, expired), frame.camera, size)
+        return replace(estimate, timings_ms={**estimate.timings_ms, **run.timings_ms})
 
     def look(self, frame: RgbdFrame) -> SceneScores | None:
         """Ask the scene network about a frame; None without colour or network."""

@@ -37,7 +37,7 @@ from .sight_lines import in_line_of_sight
 from .stage_clock import StageClock
 from .thing_surfaces import smooth_things
 from .wall_lines import refine_walls
-from .working_size import reduce_estimate, reduce_frame
+from .working_size import resize_estimate, resize_frame
 
 __all__ = ["FREE_CELL", "OCCUPIED_CELL", "UNKNOWN_CELL", "FreeSpace", "compute_free_space", "free_space_of_frame"]
 
@@ -185,10 +185,10 @@ def free_space_of_frame(
     frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig, floor: FloorPlane | None = None
 ) -> FreeSpace | None:
     """Find the free floor of a frame of any size, at the working size; None without depth or floor."""
-    small = reduce_frame(frame, config.working_size_px)
-    estimate = reduce_estimate(estimate, frame.camera, config.working_size_px)
-    geometry = compute_depth_geometry(small, config)
-    return None if geometry is None else compute_free_space(geometry, estimate, config, floor, small.color)
+    resized = resize_frame(frame, config.working_size_px)
+    estimate = resize_estimate(estimate, frame.camera, config.working_size_px)
+    geometry = compute_depth_geometry(resized, config)
+    return None if geometry is None else compute_free_space(geometry, estimate, config, floor, resized.color)
 
 
 def _cloud(

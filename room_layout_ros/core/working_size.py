@@ -1,12 +1,12 @@
-"""The size at which a frame is worked on: larger images are reduced by a whole factor, results have the full size.
+"""The size at which a frame is worked on: images are resized by a whole factor, results have the camera's size.
 
-A room shows as well in a smaller picture, and the time of most stages grows with the pixels
+A room shows as well in a smaller picture, and the time of most stages grows with the pixels. In a picture of few pixels
+there are too few for what counts them (cells of depth, superpixels, edges), though it shows the room: it is enlarged
 (`python -m benchmarks working_size`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -22,63 +22,77 @@ from .frame import CameraIntrinsics, RgbdFrame
 _SAME_SURFACE = 3.0
 """Depths of a block are of one surface within so many standard deviations of the measurement."""
 
+_STEEPEST = 0.93
+"""Neighbours are of one surface if the farther has at least this part of the inverse depth of the nearer."""
+
 _STRIP = 1024
 """So many blocks are gone through at a time: their sums stay in the cache."""
 
 
-def reduction(camera: CameraIntrinsics, working_size_px: int) -> int:
-    """Return the whole factor that leaves the longer side of the image no shorter than the working size."""
-    sides = camera.width, camera.height
-    return max(1, min(max(sides) // working_size_px, *sides))
+def working_factors(camera: CameraIntrinsics, working_size_px: int) -> tuple[int, int]:
+    """Return by what an image is reduced, and by what it is enlarged; whole, and one of them 1.
 
-
-def reduce_frame(frame: RgbdFrame, working_size_px: int) -> RgbdFrame:
-    """Return the frame at the working size; the frame itself where it is no larger.
-
-    A pixel's colour is the mean of its block; its depth the mean of what lies on one surface with the middle of the
-    block, so that no depth lies between a thing and the wall behind it. Pixels at the right and lower side that fill
-    no block are left out.
+    The longer side is reduced to no less than the working size, and enlarged to what is nearest to it; with 0 images
+    stay as they are.
     """
-    step = reduction(frame.camera, working_size_px)
-    if step == 1:
+    if working_size_px == 0:
+        return 1, 1
+    sides = camera.width, camera.height
+    shrink = max(1, min(max(sides) // working_size_px, *sides))
+    return shrink, max(1, round(working_size_px / max(sides)))
+
+
+def resize_frame(frame: RgbdFrame, working_size_px: int) -> RgbdFrame:
+    """Return the frame at the working size; the frame itself where it has that.
+
+    Reduced, a pixel's colour is the mean of its block; its depth the mean of what lies on one surface with the middle
+    of the block, so that no depth lies between a thing and the wall behind it; pixels at the right and lower side that
+    fill no block are left out. Enlarged, both lie between those of the neighbours, inverse depth only on one surface.
+    """
+    shrink, grow = working_factors(frame.camera, working_size_px)
+    if shrink == grow:
         return frame
-    camera = _reduced_camera(frame.camera, step)
+    camera = _resized_camera(frame.camera, shrink, grow)
     color, depth_m = frame.color, frame.depth_m
     if color is not None:
-        whole = color[: camera.height * step, : camera.width * step]
-        color = np.asarray(cv2.resize(whole, (camera.width, camera.height), interpolation=cv2.INTER_AREA), np.uint8)
+        whole = color[: camera.height * shrink // grow, : camera.width * shrink // grow]
+        way = cv2.INTER_AREA if shrink > 1 else cv2.INTER_LINEAR
+        color = np.asarray(cv2.resize(whole, (camera.width, camera.height), interpolation=way), np.uint8)
     if depth_m is not None:
-        depth_m = _reduce_depth(depth_m, step, camera.height, camera.width)
+        depth_m = _reduce_depth(depth_m, shrink) if shrink > 1 else _enlarge_depth(np.ascontiguousarray(depth_m), grow)
     return replace(frame, camera=camera, color=color, depth_m=depth_m)
 
 
-def reduce_estimate(estimate: RoomEstimate, camera: CameraIntrinsics, working_size_px: int) -> RoomEstimate:
-    """Return an estimate as it is of the reduced frame; `camera` is that of the full one."""
-    step = reduction(camera, working_size_px)
-    if step == 1:
+def resize_estimate(estimate: RoomEstimate, camera: CameraIntrinsics, working_size_px: int) -> RoomEstimate:
+    """Return the estimate of a frame of `camera` with its images at the working size."""
+    shrink, grow = working_factors(camera, working_size_px)
+    if shrink == grow:
         return estimate
-    small = _reduced_camera(camera, step)
-    return _resize(estimate, lambda image: _middle_pixels(image, step, small), small)
+    return _resize(estimate, _resized_camera(camera, shrink, grow), shrink, grow)
 
 
-def enlarge_estimate(estimate: RoomEstimate, camera: CameraIntrinsics, working_size_px: int) -> RoomEstimate:
-    """Return the estimate of a reduced frame at the size of the full one; `camera` is that of the full one.
+def restore_estimate(estimate: RoomEstimate, camera: CameraIntrinsics, working_size_px: int) -> RoomEstimate:
+    """Return the estimate of a resized frame of `camera` with its images at the camera's size.
 
     The layout is drawn anew from the cuboid, so its edges are as sharp as the camera's pixels; a label that is that
     of the layout follows it.
     """
-    step = reduction(camera, working_size_px)
-    whole = _resize(estimate, lambda image: _fill_blocks(image, step, camera), camera)
+    shrink, grow = working_factors(camera, working_size_px)
+    whole = _resize(estimate, camera, grow, shrink)
     if estimate.cuboid is None:
         return whole
     layout = estimate.cuboid.raster(camera)
     return replace(whole, layout=layout, labels=np.where(whole.labels == whole.layout, layout, whole.labels))
 
 
-def _resize(
-    estimate: RoomEstimate, resize: Callable[[NDArray[Any]], NDArray[Any]], camera: CameraIntrinsics
-) -> RoomEstimate:
-    """The estimate as `camera` sees it: each image resized, polygons cut out anew."""
+def _resize(estimate: RoomEstimate, camera: CameraIntrinsics, shrink: int, grow: int) -> RoomEstimate:
+    """The estimate as `camera` sees it: one pixel of each block, or a block of each pixel; polygons cut out anew."""
+
+    def resize(image: NDArray[Any]) -> NDArray[Any]:
+        rows = np.minimum((np.arange(camera.height) * shrink + shrink // 2) // grow, image.shape[0] - 1)
+        columns = np.minimum((np.arange(camera.width) * shrink + shrink // 2) // grow, image.shape[1] - 1)
+        return np.take(np.take(image, rows, axis=0), columns, axis=1)
+
     return replace(
         estimate,
         layout=resize(estimate.layout),
@@ -89,34 +103,21 @@ def _resize(
     )
 
 
-def _reduced_camera(camera: CameraIntrinsics, step: int) -> CameraIntrinsics:
-    """The camera whose pixels are blocks of `step` x `step`."""
-    return replace(
-        camera,
-        width=camera.width // step,
-        height=camera.height // step,
-        fx=camera.fx / step,
-        fy=camera.fy / step,
-        cx=(camera.cx + 0.5) / step - 0.5,
-        cy=(camera.cy + 0.5) / step - 0.5,
+def _resized_camera(camera: CameraIntrinsics, shrink: int, grow: int) -> CameraIntrinsics:
+    """The camera whose pixels are blocks of those of `camera`, or parts of them."""
+    return CameraIntrinsics(
+        width=camera.width * grow // shrink,
+        height=camera.height * grow // shrink,
+        fx=camera.fx * grow / shrink,
+        fy=camera.fy * grow / shrink,
+        cx=(camera.cx + 0.5) * grow / shrink - 0.5,
+        cy=(camera.cy + 0.5) * grow / shrink - 0.5,
     )
 
 
-def _middle_pixels(image: NDArray[Any], step: int, small: CameraIntrinsics) -> NDArray[Any]:
-    """One pixel of each block."""
-    middle = image[step // 2 :: step, step // 2 :: step]
-    return np.ascontiguousarray(middle[: small.height, : small.width])
-
-
-def _fill_blocks(image: NDArray[Any], step: int, camera: CameraIntrinsics) -> NDArray[Any]:
-    """Blocks of one value; pixels that fill no block have that of the last."""
-    rows = np.minimum(np.arange(camera.height) // step, image.shape[0] - 1)
-    columns = np.minimum(np.arange(camera.width) // step, image.shape[1] - 1)
-    return np.take(np.take(image, columns, axis=1), rows, axis=0)
-
-
-def _reduce_depth(depth_m: NDArray[np.float32], step: int, rows: int, cols: int) -> NDArray[np.float32]:
-    """(rows, cols) float32 depth of the blocks; NaN where none of a block was measured."""
+def _reduce_depth(depth_m: NDArray[np.float32], step: int) -> NDArray[np.float32]:
+    """(H // step, W // step) float32 depth of the blocks; NaN where none of a block was measured."""
+    rows, cols = (side // step for side in depth_m.shape)
     blocks = depth_m[: rows * step, : cols * step].reshape(rows, step, cols, step)
     planes = np.ascontiguousarray(blocks.transpose(1, 3, 0, 2)).reshape(step * step, rows * cols)
     return np.asarray(_mean_on_surface(planes).reshape(rows, cols), np.float32)
@@ -152,3 +153,27 @@ def _mean_on_surface(planes):  # type: ignore[no-untyped-def]
         for i in range(last - first):
             total[i] /= count[i]  # 0 / 0 is NaN
     return mean
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _enlarge_depth(depth, step):  # type: ignore[no-untyped-def]
+    """(H step, W step) float32: bilinear in inverse depth, which is exact on a plane; by the nearest at an outline."""
+    height, width = depth.shape
+    enlarged = np.empty((height * step, width * step), np.float32)
+    for y in range(height * step):
+        v = min(max((y + 0.5) / step - 0.5, 0.0), height - 1.0)
+        top = min(int(v), max(height - 2, 0))
+        below, down = min(top + 1, height - 1), v - top
+        for x in range(width * step):
+            u = min(max((x + 0.5) / step - 0.5, 0.0), width - 1.0)
+            left = min(int(u), max(width - 2, 0))
+            beside, along = min(left + 1, width - 1), u - left
+            a, b = 1.0 / depth[top, left], 1.0 / depth[top, beside]
+            c, d = 1.0 / depth[below, left], 1.0 / depth[below, beside]
+            measured = 0.0 < a < np.inf and 0.0 < b < np.inf and 0.0 < c < np.inf and 0.0 < d < np.inf
+            if measured and min(min(a, b), min(c, d)) >= _STEEPEST * max(max(a, b), max(c, d)):
+                w = (1.0 - down) * ((1.0 - along) * a + along * b) + down * ((1.0 - along) * c + along * d)
+                enlarged[y, x] = 1.0 / w
+            else:
+                enlarged[y, x] = depth[y // step, x // step]
+    return enlarged
