@@ -56,6 +56,25 @@ def test_too_few_frames_are_refused(rooms: Path, tmp_path: Path, capsys: pytest.
     assert not list(tmp_path.iterdir())
 
 
+def test_a_folder_that_cannot_be_made_ends_it_before_anything_is_estimated(
+    rooms: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(calibrate_command, "map_ordered", lambda *_: pytest.fail("estimated"))
+    (tmp_path / "file").touch()
+    assert calibrate(rooms, tmp_path / "file") == 2
+    assert "file is a file; --out needs a folder" in capsys.readouterr().err
+
+
+def test_frames_that_cannot_be_used_are_counted(
+    rooms: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other"
+    shutil.copytree(rooms, other)
+    (other / "depth" / "000004.png").unlink()
+    assert calibrate(other, tmp_path / "out", "--plain") == 0
+    assert "1 of 36 frames could not be used" in capsys.readouterr().err
+
+
 def test_frames_held_out_are_never_used(rooms: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert calibrate(rooms, tmp_path, "--hold-out", "000003,000015,000024,000033") == 2
     assert "at least 30 are needed" in capsys.readouterr().err

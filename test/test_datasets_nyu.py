@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from nyu_on_disk import write_nyu
+from nyu_on_disk import write_mat, write_nyu
 
+from room_layout_ros.cli import main
 from room_layout_ros.datasets import DataError, good_samples, open_source
 from room_layout_ros.datasets.nyu import NYU_CAMERA, open_nyu
 
@@ -49,6 +50,21 @@ def test_894_classes_become_40_by_the_mapping_given(tmp_path: Path, rng: np.rand
     sample = next(iter(good_samples(open_nyu(tmp_path / "nyu.mat", class_map=mapping))))
     assert sample.truth is not None
     np.testing.assert_array_equal(sample.truth.labels40, mapping[truth["labels"][0]])
+
+
+def test_convert_makes_a_folder_to_learn_from_with_the_mapping(
+    tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    truth = write_nyu(tmp_path / "nyu.mat", rng, 2)
+    mapping = rng.integers(1, 41, (1, 894))
+    write_mat(tmp_path / "map.mat", {"mapClass": mapping}, "5")
+    words = ["--to", "folder", "--classes40", str(tmp_path / "map.mat")]
+    assert main(["convert", str(tmp_path / "nyu.mat"), str(tmp_path / "made"), *words]) == 0
+    for i, sample in enumerate(good_samples(open_source(tmp_path / "made"))):
+        assert sample.truth is not None
+        np.testing.assert_array_equal(sample.truth.labels40, np.append(0, mapping)[truth["labels"][i]])
+    assert main(["convert", str(tmp_path / "made"), str(tmp_path / "again"), *words]) == 2
+    assert "map.mat is for an NYU .mat; " in capsys.readouterr().err
 
 
 def test_a_class_that_the_mapping_lacks_is_one_bad_frame(tmp_path: Path, rng: np.random.Generator) -> None:

@@ -61,19 +61,21 @@ def run(arguments: argparse.Namespace) -> int:
     names = choose_names(fitted, held_out, arguments.frames)
     if len(names) < LEAST_FRAMES:
         raise DataError(f"{arguments.fits} has layouts for {len(names)} frames; at least {LEAST_FRAMES} are needed")
+    make_folder("--out", arguments.out)  # before minutes of work
     config = EstimatorConfig(use_depth=not arguments.rgb_only, scene_network=not arguments.plain)
     networks = None if arguments.scene is None else read_folds(arguments.scene.absolute())
     work = partial(_judge, arguments.fits, config, networks)
     with progress_bar("calibrate", len(names)) as progress:
         found = list(map_ordered(work, source.subset(tuple(names)), arguments.jobs, None, progress, None))
     judged = [j for j in found if j is not None]
+    if len(judged) < len(found):
+        print(f"{len(found) - len(judged)} of {len(found)} frames could not be used", file=sys.stderr)
     card = {
         "frames": len(judged),
         "source": f"frames folder {source.path.name}",
         "held out": arguments.hold_out or "",
         **origin(),
     }
-    make_folder("--out", arguments.out)
     path = arguments.out / model_file("confidence", not arguments.rgb_only, not arguments.plain)
     save_confidence(fit_confidence(judged, card), path)
     print(f"{path} from {len(judged)} frames", file=sys.stderr)

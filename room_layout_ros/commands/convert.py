@@ -16,6 +16,8 @@ from room_layout_ros.commands.topics import add_recover_argument, add_topic_argu
 from room_layout_ros.datasets import DataError, FrameSource
 from room_layout_ros.datasets.bag import BagSource
 from room_layout_ros.datasets.convert import Conversion, calibration_of, copy_frames
+from room_layout_ros.datasets.nyu import open_nyu
+from room_layout_ros.datasets.nyu_truth import read_class_map
 from room_layout_ros.datasets.writers import STORAGES, BagWriter, FolderWriter
 
 MAX_NAMED = 5
@@ -27,6 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("input", type=Path, metavar="INPUT", help="frames folder, rosbag2 or NYU .mat")
     parser.add_argument("output", type=Path, metavar="OUTPUT", help="folder to make; must not exist")
     add_output_arguments(parser, "a folder from a bag, else a bag")
+    parser.add_argument(
+        "--classes40",
+        type=Path,
+        metavar="FILE",
+        help="mapping of an NYU .mat's 894 classes to labels40: field mapClass",
+    )
     add_recover_argument(parser)
     add_topic_arguments(parser)
 
@@ -42,10 +50,18 @@ def add_output_arguments(parser: argparse.ArgumentParser, default: str) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Convert the input."""
-    source = open_with_topics(arguments.input, arguments, arguments.recover)
+    source = _open(arguments)
     default = "folder" if isinstance(source, BagSource) else "bag"
     done = write_frames(source, arguments, default, arguments.output, arguments.recover)
     return report(done, source, arguments.output)
+
+
+def _open(arguments: argparse.Namespace) -> FrameSource:
+    if arguments.classes40 is None:
+        return open_with_topics(arguments.input, arguments, arguments.recover)
+    if arguments.input.suffix != ".mat":
+        raise DataError(f"--classes40 {arguments.classes40} is for an NYU .mat; {arguments.input} is none")
+    return open_nyu(arguments.input, class_map=read_class_map(arguments.classes40))
 
 
 def write_frames(
