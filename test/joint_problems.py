@@ -17,10 +17,19 @@ CAMERA = CameraIntrinsics(64, 48, 52.0, 52.0, 31.5, 23.5)
 
 
 def random_problem(
-    rng: np.random.Generator, columns: int = 8, rows: int = 6, rays: int = 8, with_depth: bool = True
+    rng: np.random.Generator,
+    columns: int = 8,
+    rows: int = 6,
+    rays: int = 8,
+    with_depth: bool = True,
+    turned_deg: tuple[float, float, float] = (40.0, 20.0, 5.0),
 ) -> JointProblem:
-    """Blocks as superpixels, each cut into atoms of random orientation and true face; random features."""
-    R = np.asarray(Rotation.from_euler("yxz", rng.uniform((-40, -20, -5), (40, 20, 5)), degrees=True).as_matrix())
+    """Blocks as superpixels, each cut into atoms of random orientation and true face; random features.
+
+    The camera is turned by at most `turned_deg` in yaw, pitch and roll.
+    """
+    most = np.array(turned_deg)
+    R = np.asarray(Rotation.from_euler("yxz", rng.uniform(-most, most), degrees=True).as_matrix())
     x, y = np.arange(64) * columns // 64, np.arange(48) * rows // 48
     index = (y[:, None] * columns + x).astype(np.int32)
     nodes = columns * rows

@@ -10,7 +10,10 @@ from room_layout_ros.core.ray_grid import QUADRANT_HORIZONTAL, QUADRANT_VERTICAL
 
 
 def naive_bins(grid: RayGrid) -> tuple[NDArray[np.int64], ...]:
-    """Quadrant, vertical, horizontal and angle bin of every pixel, each counted from scratch; and dz > 0."""
+    """Quadrant, vertical, horizontal and angle bin of every pixel, each counted from scratch; and dz > 0.
+
+    The bins of a pixel that is not ahead are those in the plane dz = 0.
+    """
     m = grid.ray_matrix
     shape = (grid.camera.height, grid.camera.width)
     quadrant, vertical, horizontal, angle, ahead = (np.zeros(shape, np.int64) for _ in range(5))
@@ -24,7 +27,7 @@ def naive_bins(grid: RayGrid) -> tuple[NDArray[np.int64], ...]:
                 (horizontal, QUADRANT_HORIZONTAL[q], abs(dx)),
             ):
                 states = grid.side_states(side)[:-1]
-                bins[y, x] = sum(size > a * dz for a in states)
+                bins[y, x] = sum(size > a * max(dz, 0.0) for a in states)
             slopes = grid.slopes[q, 1 : grid.bin_counts[q]]
             angle[y, x] = sum(abs(dx) >= s * abs(dy) for s in slopes)
     return quadrant, vertical, horizontal, angle, ahead
@@ -47,10 +50,8 @@ def naive_face_tables(
                 beyond = here & (horizontal > j)
                 tables[0, i, j] = feature[in_front].sum()
                 tables[1, i, j] = feature[beyond & (angle > t)].sum() + share * feature[beyond & (angle == t)].sum()
-                whole = feature[here].sum()
-                if np.isinf(a_i) and np.isinf(a_j):
-                    whole -= feature[here & (ahead == 0)].sum()
-                tables[2, i, j] = whole - tables[0, i, j] - tables[1, i, j]
+                nothing = here & (ahead == 0) & (vertical <= i) & (horizontal <= j)  # no face that it could hit
+                tables[2, i, j] = feature[here & ~nothing].sum() - tables[0, i, j] - tables[1, i, j]
         front.append(tables[0])
         side.append(tables[1])
         top.append(tables[2])

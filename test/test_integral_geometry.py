@@ -14,10 +14,12 @@ from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.integral_geometry import face_counts, pair_tables
 from room_layout_ros.core.layout_search import Layout, layout_energy
-from room_layout_ros.core.ray_grid import RayGrid, compute_ray_grid
+from room_layout_ros.core.ray_grid import QUADRANT_HORIZONTAL, QUADRANT_VERTICAL, RayGrid, compute_ray_grid
 
 SMALL = CameraIntrinsics(48, 36, 39.0, 39.0, 23.6, 17.3)
 FULL = CameraIntrinsics(640, 480, 519.0, 519.0, 319.5, 239.5)
+WHOLE_CENTRE = CameraIntrinsics(49, 37, 20.0, 20.0, 24.0, 18.0)
+"""Rays of its middle column and row lie in a plane of the axes, where the camera turns about one of them."""
 
 POSES = {
     "at infinity: axes of the camera": (0.0, 0.0, 0.0),
@@ -31,6 +33,9 @@ POSES = {
     "front wall behind the camera": (170.0, 4.0, 2.0),
     "front wall at the side": (88.0, 3.0, 1.0),
 }
+
+
+ABOUT_ONE_AXIS = ((0, 60, 0), (0, -60, 0), (0, 90, 0), (90, 0, 0), (-70, 0, 0), (180, 0, 0), (0, 180, 0), (0, 0, 90))
 
 
 def rotation(pose: tuple[float, float, float]) -> NDArray[np.float64]:
@@ -55,6 +60,51 @@ def test_accumulators_of_alg_2_are_the_naive_ones(pose: NDArray[np.float64], rng
             np.testing.assert_allclose(a, b, rtol=0, atol=1e-9)
             whole = b == np.round(b)  # no part of a shared bin: integers must agree exactly
             assert (np.abs(a[whole] - b[whole]) < 1e-10).all()
+
+
+@pytest.mark.parametrize("turned", ABOUT_ONE_AXIS)
+def test_rays_in_a_plane_of_the_axes_are_counted_as_naively(
+    turned: tuple[float, float, float], rng: np.random.Generator
+) -> None:
+    grid = compute_ray_grid(WHOLE_CENTRE, rotation(turned), rays=4, angle_bins=40)
+    feature = rng.integers(-50, 50, (37, 49)).astype(np.float64)
+    for fast, slow in zip(accumulate(grid, feature), naive_face_tables(grid, feature), strict=True):
+        for a, b in zip(fast, slow, strict=True):
+            np.testing.assert_allclose(a, b, rtol=0, atol=1e-9)
+    atoms = rng.integers(0, 9, (37, 49)).astype(np.int32)
+    cost = rng.normal(size=(9, 5))
+    tables = pair_tables(count_cells(grid, atoms, 9), cost)
+    for a, b in zip(tables, naive_pair_tables(grid, cost[atoms]), strict=True):
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("turned", ABOUT_ONE_AXIS)
+def test_a_ray_that_hits_nothing_is_in_no_face(turned: tuple[float, float, float], rng: np.random.Generator) -> None:
+    grid = compute_ray_grid(WHOLE_CENTRE, rotation(turned), rays=4, angle_bins=40)
+    counts = count_cells(grid, np.zeros((37, 49), np.int32), 1)
+    for _ in range(60):
+        layout = random_layout(rng, grid)
+        absent = rng.uniform(size=4) < 0.5
+        a, b, c, d = (int(n) - 1 if x else k for n, x, k in zip(grid.state_counts, absent, layout, strict=True))
+        held = face_counts(counts, (a, b, c, d))[0]
+        hit = (grid.cuboid((a, b, c, d)).raster(WHOLE_CENTRE) > 0).sum()
+        assert held.sum() == pytest.approx(hit, abs=1e-9), (a, b, c, d)
+        assert (held[[0, 1, 2, 4]][absent] == 0.0).all(), (a, b, c, d)
+
+
+def test_a_cost_of_rays_that_hit_nothing_is_paid_by_them_alone(
+    pose: NDArray[np.float64], rng: np.random.Generator
+) -> None:
+    grid = compute_ray_grid(SMALL, pose, rays=4, angle_bins=40)
+    counts = count_cells(grid, rng.integers(0, 9, (36, 48)).astype(np.int32), 9)
+    cost, faceless = rng.normal(size=(9, 5)), rng.normal(size=9)
+    tables = pair_tables(counts, cost, faceless)
+    absent = tuple(int(n) - 1 for n in grid.state_counts)
+    layouts = [random_layout(rng, grid) for _ in range(10)]
+    for layout in (*layouts, (absent[0], absent[1], absent[2], absent[3])):
+        held = face_counts(counts, layout)
+        expected = (held * cost).sum() + (counts.pixels - held.sum(axis=1)) @ faceless
+        assert layout_energy(tables, layout) == pytest.approx(float(expected), abs=1e-9)
 
 
 def test_sparse_counts_give_the_accumulators_of_every_pixel(
@@ -105,6 +155,32 @@ def test_random_poses_stay_within_the_binning_error(rng: np.random.Generator) ->
         errors.append(np.abs(face_counts(counts, layout)[0] - truth).max() / FULL.width / FULL.height)
     assert max(errors) < 0.001
     assert np.mean(errors) < 0.0002
+
+
+@pytest.mark.parametrize("centre", ((319.5, 239.5), (320.0, 240.0)))
+@pytest.mark.parametrize(
+    ("turned", "line_px"),
+    (((90.0, 0.0, 0.0), 640), ((89.9, 0.0, 0.0), 640), ((0.0, 90.0, 0.0), 480), ((0.0, -90.0, 0.0), 480)),
+)
+def test_where_a_line_of_pixels_has_one_angle_a_quadrant_errs_by_less_than_that_line(
+    turned: tuple[float, float, float], line_px: int, centre: tuple[float, float]
+) -> None:
+    """The worst of all pairs of states: a face, which takes from two quadrants, is within 0.4 % of the image."""
+    grid = compute_ray_grid(CameraIntrinsics(640, 480, 519.0, 519.0, *centre), rotation(turned))
+    side = accumulate(grid, np.ones((480, 640)))[1]
+    y, x = np.mgrid[:480, :640]
+    rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ grid.ray_matrix.T
+    quadrant = 2 * (rays[..., 1] >= 0) + (rays[..., 0] >= 0)
+    worst = []
+    for q in range(4):
+        (dx, dy), dz = np.abs(rays[quadrant == q].T[:2]), rays[quadrant == q].T[2]
+        vertical = grid.side_states(QUADRANT_VERTICAL[q])
+        for j, a in enumerate(grid.side_states(QUADRANT_HORIZONTAL[q])[:-1]):
+            beyond = dx > a * dz
+            slope = np.sort(np.divide(dy, dx, out=np.full(len(dx), np.inf), where=dx > 0)[beyond])
+            truth = np.searchsorted(slope, vertical / a, side="right")
+            worst.append(np.abs(side[q][:, j] - truth).max())
+    assert max(worst) < line_px
 
 
 def test_absent_faces_hold_nothing(rng: np.random.Generator) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .cell_counts import histogram_offsets
+from .cell_counts import hidden_cell, histogram_offsets
 from .integral_geometry import PairTables, read_tables
 from .ray_grid import N_QUADRANTS, RayGrid
 
@@ -35,14 +35,14 @@ def accumulate(grid: RayGrid, feature: NDArray[np.float64]) -> tuple[PairTables,
         raise ValueError(
             f"feature has shape {feature.shape}; the camera says {(grid.camera.height, grid.camera.width)}"
         )
-    boxes, sectors, total, behind = _accumulate(
+    boxes, hidden, sectors, total = _accumulate(
         np.ascontiguousarray(feature, dtype=np.float64), grid.ray_matrix,
         grid.states, grid.state_counts, grid.slopes, grid.bin_counts,
     )  # fmt: skip
     none = np.zeros(N_QUADRANTS)
-    front = read_tables(grid, boxes, np.zeros_like(sectors), none, none)
-    side = read_tables(grid, np.zeros_like(boxes), sectors, none, none)
-    whole = read_tables(grid, -boxes, -sectors, total, behind)
+    front = read_tables(grid, boxes, np.zeros_like(sectors), none)
+    side = read_tables(grid, np.zeros_like(boxes), sectors, none)
+    whole = read_tables(grid, -boxes - hidden, -sectors, total)
     return front, side, whole
 
 
@@ -69,15 +69,15 @@ def _move_angle(bin_, horizontal, vertical, slopes, count):  # type: ignore[no-u
 def _accumulate(feature, m, states, counts, slopes, bins):  # type: ignore[no-untyped-def]
     box_offset, sector_offset = histogram_offsets(counts, bins)
     height, width = feature.shape
-    boxes, sectors = np.zeros(box_offset[4]), np.zeros(sector_offset[4])
-    total, behind = np.zeros(4), np.zeros(4)
+    boxes, hidden, sectors = np.zeros(box_offset[4]), np.zeros(box_offset[4]), np.zeros(sector_offset[4])
+    total = np.zeros(4)
     vertical_bin = np.zeros(2, np.int64)
     horizontal_bin = np.zeros(2, np.int64)
     angle_bin = np.zeros(4, np.int64)
     for y in range(height):
         bx, by, bz = m[0, 1] * y + m[0, 2], m[1, 1] * y + m[1, 2], m[2, 1] * y + m[2, 2]
         for x in range(width):
-            dx, dy, dz = m[0, 0] * x + bx, m[1, 0] * x + by, m[2, 0] * x + bz
+            dx, dy, dz = m[0, 0] * x + bx, m[1, 0] * x + by, max(m[2, 0] * x + bz, 0.0)
             right, low = int(dx >= 0), int(dy >= 0)
             horizontal, vertical = abs(dx), abs(dy)
             q = 2 * low + right
@@ -90,9 +90,10 @@ def _accumulate(feature, m, states, counts, slopes, bins):  # type: ignore[no-un
             if dz > 0:
                 boxes[box_offset[q] + i * counts[2 + right] + j] += value
             else:
-                behind[q] += value
+                rows, columns = counts[low], counts[2 + right]
+                hidden[hidden_cell(box_offset[q], rows, columns, int(vertical > 0), int(horizontal > 0))] += value
             if j > 0:
                 t = _move_angle(angle_bin[q], horizontal, vertical, slopes[q], bins[q])
                 angle_bin[q] = t
                 sectors[sector_offset[q] + j * bins[q] + t] += value
-    return boxes, sectors, total, behind
+    return boxes, hidden, sectors, total

@@ -33,16 +33,17 @@ class CellCounts:
     grid : RayGrid
     pixels : (A,) float64 pixels per atom.
     quadrant_pixels : (A, 4) float64 pixels per atom and quadrant.
-    behind_pixels : (A, 4) float64 those of them with dz <= 0, which the front wall can never cover.
-    boxes : (B, 3) uint32 entries (atom, cell, pixels) of the box histograms.
+    boxes : (B, 3) uint32 entries (atom, cell, pixels) of the box histograms, of pixels with dz > 0.
+    hidden : (D, 3) uint32 entries likewise, of the others: the front wall can never cover them, and in a layout that
+        has their cell among its boxes no other face does, for those that could are absent (`hidden_cell`).
     sectors : (S, 3) uint32 entries of the sector histograms.
     """
 
     grid: RayGrid
     pixels: NDArray[np.float64]
     quadrant_pixels: NDArray[np.float64]
-    behind_pixels: NDArray[np.float64]
     boxes: NDArray[np.uint32]
+    hidden: NDArray[np.uint32]
     sectors: NDArray[np.uint32]
 
 
@@ -88,11 +89,11 @@ def count_samples(grid: RayGrid, samples: NDArray[np.int32], held: NDArray[np.bo
     if int(samples.max()) >= len(held):
         raise ValueError(f"an atom has number {int(samples.max())}; below {len(held)} was announced")
     number = (np.cumsum(held) - 1).astype(np.int32)
-    pixels, quadrants, behind, boxes, sectors = _count(
+    pixels, quadrants, boxes, hidden, sectors = _count(
         samples, number, pixel_step, lattice_shear(pixel_step), grid.ray_matrix,
         grid.states, grid.state_counts, grid.slopes, grid.bin_counts,
     )  # fmt: skip
-    return CellCounts(grid, pixels, quadrants, behind, boxes, sectors)
+    return CellCounts(grid, pixels, quadrants, boxes, hidden, sectors)
 
 
 def sample_lattice(image: NDArray[np.int32] | NDArray[np.uint8], step: int) -> NDArray[np.int32]:
@@ -131,6 +132,16 @@ def histogram_offsets(counts, bins):  # type: ignore[no-untyped-def]
         boxes[q + 1] = boxes[q] + counts[QUADRANT_VERTICAL[q]] * columns
         sectors[q + 1] = sectors[q] + columns * bins[q]
     return boxes, sectors
+
+
+@njit(cache=True, nogil=True, inline="always")
+def hidden_cell(start, rows, columns, by_level, by_side):  # type: ignore[no-untyped-def]
+    """Cell of a quadrant's box histogram, which starts at `start`, of a pixel with dz <= 0.
+
+    Every finite state is exceeded by what is not 0, none by what is: dz counts as 0. In the layouts that have the cell
+    among their boxes nothing is hit: both faces that could be (`by_level`, `by_side`) are absent.
+    """
+    return start + (rows - 1) * by_level * columns + (columns - 1) * by_side
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -228,13 +239,24 @@ def _angle_limits(slopes, bins):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _count_quadrants(boxes, behind, box_offset):  # type: ignore[no-untyped-def]
+def _place_hidden(hidden, box_offset, counts):  # type: ignore[no-untyped-def]
+    """Replace the kinds of the entries of pixels with dz <= 0, 4 quadrant + 2 (dy other than 0) + (dx), by cells."""
+    for e in range(len(hidden)):
+        kind = int(hidden[e, 1])
+        q, by_level, by_side = kind >> 2, kind >> 1 & 1, kind & 1
+        hidden[e, 1] = hidden_cell(box_offset[q], counts[q >> 1], counts[2 + (q & 1)], by_level, by_side)
+
+
+@njit(cache=True, nogil=True)
+def _count_quadrants(boxes, hidden, atoms, box_offset):  # type: ignore[no-untyped-def]
     """(A,) pixels per atom and (A, 4) per quadrant, of the entries and those behind the camera."""
-    quadrants, pixels = behind.copy(), np.zeros(len(behind))
-    for e in range(len(boxes)):
-        q = int(boxes[e, 1] >= box_offset[1]) + int(boxes[e, 1] >= box_offset[2]) + int(boxes[e, 1] >= box_offset[3])
-        quadrants[boxes[e, 0], q] += boxes[e, 2]
-    for a in range(len(pixels)):
+    quadrants, pixels = np.zeros((atoms, 4)), np.zeros(atoms)
+    for entries in (boxes, hidden):
+        for e in range(len(entries)):
+            cell = entries[e, 1]
+            q = int(cell >= box_offset[1]) + int(cell >= box_offset[2]) + int(cell >= box_offset[3])
+            quadrants[entries[e, 0], q] += entries[e, 2]
+    for a in range(atoms):
         pixels[a] = quadrants[a, 0] + quadrants[a, 1] + quadrants[a, 2] + quadrants[a, 3]
     return pixels, quadrants
 
@@ -243,15 +265,16 @@ def _count_quadrants(boxes, behind, box_offset):  # type: ignore[no-untyped-def]
 def _count(samples, number, step, shear, m, states, counts, slopes, bins):  # type: ignore[no-untyped-def]
     height, n = samples.shape
     box_offset, sector_offset = histogram_offsets(counts, bins)
-    behind_pixels = np.zeros((number[-1] + 1, 4))
     boxes = np.empty((height * n + 1, 3), np.uint32)  # untouched pages cost nothing
+    hidden = np.empty((height * n + 1, 3), np.uint32)
     sectors = np.empty((height * n + 1, 3), np.uint32)
     newest_box, newest_sector = np.full(box_offset[4], _NONE), np.full(sector_offset[4], _NONE)
+    newest_hidden = np.full(16, _NONE)
     state_table, angle_table = _tables(states, counts, slopes, bins)
     angle_limits = _angle_limits(slopes, bins)
     rays, at, quadrant = np.empty((3, n)), np.empty((3, n), np.uint16), np.empty(n, np.uint8)
     column, row, angle = np.empty(n, np.uint32), np.empty(n, np.uint32), np.empty(n, np.uint32)
-    n_box, n_sector = np.uint64(0), np.uint64(0)
+    n_box, n_hidden, n_sector = np.uint64(0), np.uint64(0), np.uint64(0)
     for y in range(height):
         _place_row(m, y, (-shear * y) % step, step, rays, at, quadrant)
         last = 0
@@ -275,9 +298,12 @@ def _count(samples, number, step, shear, m, states, counts, slopes, bins):  # ty
                     cell = np.uint32(box + row[k] * columns + column[k])
                     n_box = _add(boxes, n_box, newest_box, cell, atom)
                 else:
-                    behind_pixels[atom, q] += 1.0
+                    kind = np.uint32(4 * q + 2 * int(vertical[k] > 0.0) + int(horizontal[k] > 0.0))
+                    n_hidden = _add(hidden, n_hidden, newest_hidden, kind, atom)
                 if column[k] > 0:
                     cell = np.uint32(sector + column[k] * angles + angle[k])
                     n_sector = _add(sectors, n_sector, newest_sector, cell, atom)
-    pixels, quadrants = _count_quadrants(boxes[:n_box], behind_pixels, box_offset)
-    return pixels, quadrants, behind_pixels, boxes[:n_box], sectors[:n_sector]
+    hidden = hidden[:n_hidden]
+    _place_hidden(hidden, box_offset, counts)
+    pixels, quadrants = _count_quadrants(boxes[:n_box], hidden, number[-1] + 1, box_offset)
+    return pixels, quadrants, boxes[:n_box], hidden, sectors[:n_sector]

@@ -7,6 +7,7 @@ In a quadrant (`ray_grid.py`) a pixel with ray (dx, dy, dz) belongs, for the lay
 Two histograms hold that for every pair: *boxes* over (vertical bin, horizontal bin), read by prefix sums, and
 *sectors* over (horizontal bin, angle bin), read by suffix sums with the bin that the corner falls into shared
 linearly. The three parts always add up to the quadrant. A bin is the number of states that the pixel lies beyond.
+A pixel with dz <= 0 hits nothing where the faces are absent that it could hit; it is then in none of the parts.
 
 The histograms are filled from the counts of `cell_counts.py`, so a further accumulator is one pass over the counts.
 """
@@ -33,7 +34,9 @@ _LANES = 4
 """Rows summed at a time: a running sum waits for its last addition, four of them wait together."""
 
 
-def pair_tables(counts: CellCounts, face_cost: NDArray[np.float64]) -> PairTables:
+def pair_tables(
+    counts: CellCounts, face_cost: NDArray[np.float64], faceless_cost: NDArray[np.float64] | None = None
+) -> PairTables:
     """Return the cost of every layout for costs per pixel of each atom in each face.
 
     Parameters
@@ -41,21 +44,24 @@ def pair_tables(counts: CellCounts, face_cost: NDArray[np.float64]) -> PairTable
     counts : CellCounts
     face_cost : (A, 5) float64 array
         Cost of one pixel of atom a in face k + 1; contract all channels and labels into it first.
+    faceless_cost : (A,) float64 array, optional
+        Cost of one that hits no face (0): behind the front plane, and the other faces in its way are absent.
     """
     if face_cost.shape != (len(counts.pixels), N_FACES):
         raise ValueError(f"face costs have shape {face_cost.shape}; {(len(counts.pixels), N_FACES)} is needed")
     grid = counts.grid
     cost = np.ascontiguousarray(face_cost, dtype=np.float64)
-    boxes, sectors, total, behind = _scatter(
+    boxes, sectors, total = _scatter(
         cost,
+        np.zeros(len(cost)) if faceless_cost is None else faceless_cost,
         counts.quadrant_pixels,
-        counts.behind_pixels,
         counts.boxes,
+        counts.hidden,
         counts.sectors,
         grid.state_counts,
         grid.bin_counts,
     )
-    return _read_all(grid, boxes, sectors, total, behind)
+    return _read_all(grid, boxes, sectors, total)
 
 
 def read_tables(
@@ -63,16 +69,15 @@ def read_tables(
     boxes: NDArray[np.float64],
     sectors: NDArray[np.float64],
     total: NDArray[np.float64],
-    behind: NDArray[np.float64],
 ) -> PairTables:
     """Return `total + front part of boxes + side part of sectors` for every pair of each quadrant.
 
     Parameters
     ----------
     boxes, sectors : flat float64 histograms of the four quadrants (`cell_counts.histogram_offsets`).
-    total, behind : (4,) float64, mass of each quadrant, and of its pixels that only the side and top faces can hold.
+    total : (4,) float64, mass of each quadrant.
     """
-    return _read_all(grid, boxes.copy(), sectors.copy(), total, behind)
+    return _read_all(grid, boxes.copy(), sectors.copy(), total)
 
 
 def _read_all(
@@ -80,10 +85,9 @@ def _read_all(
     boxes: NDArray[np.float64],
     sectors: NDArray[np.float64],
     total: NDArray[np.float64],
-    behind: NDArray[np.float64],
 ) -> PairTables:
     """Turn the histograms, in place, into tables."""
-    _read(boxes, sectors, grid.corner_bin, grid.corner_share, total, behind, grid.state_counts, grid.bin_counts)
+    _read(boxes, sectors, grid.corner_bin, grid.corner_share, total, grid.state_counts, grid.bin_counts)
     tables, start = [], 0
     for shares in grid.corner_share:
         tables.append(boxes[start : start + shares.size].reshape(shares.shape))
@@ -99,7 +103,7 @@ def face_counts(counts: CellCounts, layout: tuple[int, int, int, int]) -> NDArra
     grid = counts.grid
     return np.asarray(
         _face_counts(
-            counts.quadrant_pixels, counts.behind_pixels, counts.boxes, counts.sectors,
+            counts.quadrant_pixels, counts.boxes, counts.hidden, counts.sectors,
             grid.state_counts, grid.bin_counts, grid.corner_bin, grid.corner_share, layout,
         )
     )  # fmt: skip
@@ -111,27 +115,29 @@ def _quadrant(cell, offset):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _scatter(cost, quadrant_pixels, behind_pixels, box_entries, sector_entries, counts, bins):  # type: ignore[no-untyped-def]
-    """Histograms of (front - top) costs over the boxes and (side - top) costs over the sectors, and what all pixels of
-    a quadrant, or those that the front wall can never cover, cost as top.
+def _scatter(cost, faceless, quadrant_pixels, box_entries, hidden_entries, sector_entries, counts, bins):  # type: ignore[no-untyped-def]
+    """Histograms of (front - top) costs over the boxes, of pixels with dz <= 0 (faceless - top), and of (side - top)
+    costs over the sectors, and what all pixels of a quadrant cost as top.
     """
     box_offset, sector_offset = histogram_offsets(counts, bins)
     boxes, sectors = np.zeros(box_offset[4]), np.zeros(sector_offset[4])
-    total, behind = np.zeros(4), np.zeros(4)
+    total = np.zeros(4)
     front_over, side_over = np.empty((len(cost), 4)), np.empty((len(cost), 4))
     for a in range(len(cost)):
         for q in range(4):
             of_top = cost[a, _TOP[q]]
             front_over[a, q], side_over[a, q] = cost[a, _FRONT] - of_top, cost[a, _SIDE[q]] - of_top
             total[q] += quadrant_pixels[a, q] * of_top
-            behind[q] += behind_pixels[a, q] * of_top
     for e in range(len(box_entries)):
         cell = box_entries[e, 1]
         boxes[cell] += box_entries[e, 2] * front_over[box_entries[e, 0], _quadrant(cell, box_offset)]
+    for e in range(len(hidden_entries)):
+        a, cell = hidden_entries[e, 0], hidden_entries[e, 1]
+        boxes[cell] += hidden_entries[e, 2] * (faceless[a] - cost[a, _TOP[_quadrant(cell, box_offset)]])
     for e in range(len(sector_entries)):
         cell = sector_entries[e, 1]
         sectors[cell] += sector_entries[e, 2] * side_over[sector_entries[e, 0], _quadrant(cell, sector_offset)]
-    return boxes, sectors, total, behind
+    return boxes, sectors, total
 
 
 @njit(cache=True, nogil=True)
@@ -153,7 +159,7 @@ def _running_sums(table):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _read_quadrant(table, sectors, corner_bin, corner_share, total, behind):  # type: ignore[no-untyped-def]
+def _read_quadrant(table, sectors, corner_bin, corner_share, total):  # type: ignore[no-untyped-def]
     """Turn a box histogram into the table, and a sector histogram into its suffix sums, both in place."""
     rows, columns = table.shape
     last = sectors.shape[1] - 1
@@ -173,18 +179,17 @@ def _read_quadrant(table, sectors, corner_bin, corner_share, total, behind):  # 
                 after = sectors[j + 1, t + 1] if t < last else 0.0
                 value += after + corner_share[i, j] * (sectors[j + 1, t] - after)
             table[i, j] = value
-    table[rows - 1, columns - 1] -= behind
 
 
 @njit(cache=True, nogil=True)
-def _read(boxes, sectors, corner_bin, corner_share, total, behind, counts, bins):  # type: ignore[no-untyped-def]
+def _read(boxes, sectors, corner_bin, corner_share, total, counts, bins):  # type: ignore[no-untyped-def]
     box_offset, sector_offset = histogram_offsets(counts, bins)
     for q in range(4):
         rows, columns = counts[_VERTICAL[q]], counts[_HORIZONTAL[q]]
         _read_quadrant(
             boxes[box_offset[q] : box_offset[q + 1]].reshape((rows, columns)),
             sectors[sector_offset[q] : sector_offset[q + 1]].reshape((columns, bins[q])),
-            corner_bin[q], corner_share[q], total[q], behind[q],
+            corner_bin[q], corner_share[q], total[q],
         )  # fmt: skip
 
 
@@ -216,20 +221,19 @@ def _add_shares(entries, share, offset, result):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _face_counts(  # type: ignore[no-untyped-def]
-    quadrant_pixels, behind_pixels, box_entries, sector_entries, counts, bins, corner_bin, corner_share, layout,
+    quadrant_pixels, box_entries, hidden_entries, sector_entries, counts, bins, corner_bin, corner_share, layout,
 ):  # fmt: skip
     box_offset, sector_offset = histogram_offsets(counts, bins)
     front_share, side_share = _parts(box_offset, sector_offset, counts, bins, corner_bin, corner_share, layout)
     front, side = np.zeros_like(quadrant_pixels), np.zeros_like(quadrant_pixels)
+    nothing = np.zeros_like(quadrant_pixels)
     _add_shares(box_entries, front_share, box_offset, front)
+    _add_shares(hidden_entries, front_share, box_offset, nothing)
     _add_shares(sector_entries, side_share, sector_offset, side)
     result = np.zeros((len(quadrant_pixels), 5))
     for q in range(4):
-        v, h = _VERTICAL[q], _HORIZONTAL[q]
-        open_ = layout[v] == counts[v] - 1 and layout[h] == counts[h] - 1
         for a in range(len(result)):
             result[a, _FRONT] += front[a, q]
             result[a, _SIDE[q]] += side[a, q]
-            rest = quadrant_pixels[a, q] - (behind_pixels[a, q] if open_ else 0.0)
-            result[a, _TOP[q]] += rest - front[a, q] - side[a, q]
+            result[a, _TOP[q]] += quadrant_pixels[a, q] - nothing[a, q] - front[a, q] - side[a, q]
     return result

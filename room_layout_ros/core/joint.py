@@ -307,9 +307,9 @@ class _Alternation:
         """Lower bound on the joint energy.
 
         With any costs m(k, label) moved from the layout's side to the labels', and the plane fit at its least,
-        min E >= min_x [E_lab + least fit + m] + min_y [E_layout + sum over pixels of min_label (w_comp - m per pixel)].
-        Both minima are bounded or exact. m is tried as 0 and as E_comp at the layout found, where the second term is
-        tight but for superpixels that straddle faces.
+        min E >= min_x [E_lab + least fit + m] + min_y [E_layout + sum over pixels of min_label (w_comp - m per pixel)],
+        with w_comp = 0 for a pixel that hits no face. Both minima are bounded or exact. m is tried as 0 and as E_comp
+        at the layout found, where the second term is tight but for superpixels that straddle faces.
         """
         problem = self.problem
         w = self.weights.block("compatibility")
@@ -322,7 +322,8 @@ class _Alternation:
             per_pixel = moved / np.maximum(problem.area * problem.pixels, 1e-9)[:, None]
             relaxed = (w[None] / problem.pixels - per_pixel[:, None, :]).min(axis=2)
             cost = self.cost_alone + relaxed[problem.atom_superpixel]
-            of_layout = best_layout(pair_tables(problem.counts, cost), self.planes_alone).energy
+            faceless = -per_pixel.max(axis=1)[problem.atom_superpixel]
+            of_layout = best_layout(pair_tables(problem.counts, cost, faceless), self.planes_alone).energy
             best = max(best, of_layout + self.solve_labels(moved + least, None).bound)
         return min(best, state.energy)
 
