@@ -16,7 +16,7 @@ def energies(
     weights: tuple[float, ...],
     row_px: int,
 ) -> NDArray[np.float64]:
-    """Return the energy (K, H, W) of each pixel at each centre; lab is (3, H, W) in Lab units (paper 3.1, eq. 1)."""
+    """Return the energy (K, H, W) of each pixel at each centre; lab is (3, H, W) in Lab units (paper 3.1)."""
     space, color, depth, _ = weights
     height, width = w.shape
     y, x = np.mgrid[:height, :width]

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import itertools
 import re
+from dataclasses import replace
 
 import naive_superpixels as naive
 import numpy as np
 import pytest
 
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.datasets import good_samples
+from room_layout_ros.datasets.synthetic import SyntheticSource
+from room_layout_ros.evaluation.published import TABLE_3
 from room_layout_ros.evaluation.segmentation import (
     contingency,
     covering,
     segmentation_scores,
     variation_of_information,
 )
+from room_layout_ros.evaluation.superpixel_table import SETTINGS, TRUTHS, row_name, segmentation_of
 
 
 def test_a_perfect_segmentation_has_no_error(rng: np.random.Generator) -> None:
@@ -70,3 +77,32 @@ def test_measures_equal_their_naive_twins_and_ignore_unlabelled_pixels(rng: np.r
 def test_unusable_input_is_refused_in_a_sentence(segments: np.ndarray, truth: np.ndarray, sentence: str) -> None:
     with pytest.raises(ValueError, match=re.escape(sentence)):
         segmentation_scores(segments, truth)
+
+
+def test_the_rows_of_table_3_vary_what_their_names_say() -> None:
+    """The paper's ratios for the residual to the plane, our depth term, and for the gradient, the paper's."""
+    default = EstimatorConfig()
+    found = {setting.name: setting.apply(default) for setting in SETTINGS}
+    assert found["colour × 1, plane × 1"] == default
+    assert len(found) == len(SETTINGS) == 2 * len(TABLE_3) - 1  # without depth there is one row
+    for (color, depth), term in itertools.product(TABLE_3, ("plane", "gradient")):
+        name = f"colour × {color}, {term} × {depth}"
+        if name == "colour × 1, gradient × 0":
+            assert name not in found
+            continue
+        config, weight = found[name], depth * default.superpixel_lambda_depth
+        assert config.superpixel_lambda_color == color * default.superpixel_lambda_color
+        weights = (config.superpixel_lambda_depth, config.superpixel_lambda_gradient)
+        assert weights == ((weight, 0.0) if term == "plane" else (0.0, weight))
+
+
+def test_table_3_is_measured_against_both_truths() -> None:
+    (sample,) = good_samples(SyntheticSource(frames=1, seed=3, walk=False, noise="clean"))
+    rows = segmentation_of(sample, EstimatorConfig())
+    assert set(rows) == {row_name(setting, truth) for setting in SETTINGS for truth in TRUTHS}
+    without, with_plane, with_gradient = (
+        rows[f"six labels: colour × 1, {term}"][0] for term in ("plane × 0", "plane × 1", "gradient × 1")
+    )
+    assert with_plane < with_gradient < without
+    assert sample.truth is not None
+    assert segmentation_of(replace(sample, truth=None), EstimatorConfig()) == {}

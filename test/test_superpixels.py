@@ -18,7 +18,7 @@ from room_layout_ros.core.superpixel_assignment import CAP, KW, N_CENTER, assign
 from room_layout_ros.core.superpixel_connectivity import connect, expand, moments_of_frame, regroup_edges
 from room_layout_ros.core.superpixel_merging import merge_superpixels
 from room_layout_ros.core.superpixel_sums import N_SUMS, accumulate, plane_of_sums, plane_sse
-from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
+from room_layout_ros.core.superpixels import Superpixels, _merge_weights, compute_superpixels
 from room_layout_ros.evaluation.segmentation import segmentation_scores
 
 SMALL = EstimatorConfig(superpixel_count=24)
@@ -225,19 +225,44 @@ def test_depth_finds_an_edge_that_colour_does_not_show(rng: np.random.Generator)
     w, face = three_walls(rng)
     grey = np.full((*w.shape, 3), 140, np.uint8)
     with_depth = segmentation_scores(compute_superpixels(grey, w, SMALL).index, face.astype(np.uint8))
-    slic = dataclasses.replace(SMALL, superpixel_lambda_depth=0.0)
-    without = segmentation_scores(compute_superpixels(grey, w, slic).index, face.astype(np.uint8))
+    flat = dataclasses.replace(SMALL, superpixel_lambda_depth=0.0)
+    without = segmentation_scores(compute_superpixels(grey, w, flat).index, face.astype(np.uint8))
     assert with_depth.mean_error < 0.01 < 0.03 < without.mean_error
 
 
 def test_the_papers_gradient_term_finds_the_corner_too(rng: np.random.Generator) -> None:
     w, face = three_walls(rng)
     paper = dataclasses.replace(SMALL, superpixel_lambda_depth=0.0, superpixel_lambda_gradient=1.0)
-    slic = dataclasses.replace(SMALL, superpixel_lambda_depth=0.0)
+    flat = dataclasses.replace(SMALL, superpixel_lambda_depth=0.0)
     grey = np.full((*w.shape, 3), 140, np.uint8)
     by_gradient = segmentation_scores(compute_superpixels(grey, w, paper).index, face.astype(np.uint8))
-    without = segmentation_scores(compute_superpixels(grey, w, slic).index, face.astype(np.uint8))
+    without = segmentation_scores(compute_superpixels(grey, w, flat).index, face.astype(np.uint8))
     assert by_gradient.mean_error < 0.6 * without.mean_error
+
+
+@pytest.mark.parametrize("oversegmentation", (1.0, 2.0, 4.0))
+def test_an_image_of_weight_0_does_not_matter(rng: np.random.Generator, oversegmentation: float) -> None:
+    setting = dataclasses.replace(SMALL, superpixel_oversegmentation=oversegmentation)
+    pictures = noise_image(rng, 120, 160), np.full((120, 160, 3), 128, np.uint8)
+    depths = three_walls(rng)[0], np.full((120, 160), 0.4, np.float32), None
+    blind = dataclasses.replace(setting, superpixel_lambda_color=0.0)
+    for w in depths[:2]:
+        first, second = (compute_superpixels(color, w, blind).index for color in pictures)
+        np.testing.assert_array_equal(first, second)
+    flat = dataclasses.replace(setting, superpixel_lambda_depth=0.0)
+    first, second, without = (compute_superpixels(pictures[0], w, flat).index for w in depths)
+    np.testing.assert_array_equal(first, second)
+    np.testing.assert_array_equal(first, without)
+
+
+def test_merging_weighs_colour_and_depth_as_the_assignment_does() -> None:
+    default = EstimatorConfig()
+    color, depth = _merge_weights(default)[:2]
+    assert (color, depth) == (1 / 10.0**2, 0.3)
+    less = dataclasses.replace(default, superpixel_lambda_color=5.0, superpixel_lambda_depth=0.5)
+    assert _merge_weights(less)[:2] == pytest.approx((color / 2, depth / 4))
+    papers = dataclasses.replace(default, superpixel_lambda_depth=0.0, superpixel_lambda_gradient=1.0)
+    assert _merge_weights(papers)[:2] == pytest.approx((color, depth / 2))
 
 
 def test_colour_alone_equals_no_depth_measured(rng: np.random.Generator) -> None:
@@ -352,8 +377,8 @@ def test_depth_makes_fewer_errors_than_colour_on_nyu(data_root: Path) -> None:
             s = compute_superpixels(color, w, config)
             assert s.count == 200
             found.append(segmentation_scores(s.index, labels).mean_error)
-    slic, ours = (float(np.mean(found)) for found in errors.values())
-    assert ours < 0.9 * slic
+    flat, ours = (float(np.mean(found)) for found in errors.values())
+    assert ours < 0.9 * flat
     assert ours < 0.05
 
 

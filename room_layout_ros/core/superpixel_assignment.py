@@ -139,8 +139,8 @@ def assign(lab, w, gradient, centers, lists, count, step, row_px, weights, index
 
     Energy of pixel p at centre s, weights = (space, color, depth?, gradient):
     space |p - mu|^2 + color |I - c|^2 + [measured] (min(KW (w - plane(p))^2, CAP) + gradient |g - g_s|^2)
-    (paper 3.1, eq. 1, with the residual to the plane beside the gradient). Cost, in steps, and place in the candidate
-    list are packed in one integer, so that the search is a minimum; of equal costs the first candidate wins.
+    (the energy of paper 3.1, with the residual to the plane beside the gradient). Cost, in steps, and place in the
+    candidate list are packed in one integer, so that the search is a minimum; of equal costs the first candidate wins.
     """
     height, width = index.shape
     phase = first_row(step, height)

@@ -37,10 +37,12 @@ _GAP_PX = 1
 """Grain of noisy borders that is taken out of a row."""
 
 _MERGE_DEPTH = 0.3
-"""Weight of a plane's misfit beside that of colour, when superpixels are merged."""
+"""Weight of a plane's misfit beside that of colour, when superpixels are merged, at the default weights of both."""
 
 _MERGE_POWER = 1.5
 """Of the area in the cost of merging: 1 is Ward's criterion, more keeps areas more even (ME 4.3 % at 1, 3.7 at 1.5)."""
+
+_DEFAULT = EstimatorConfig()
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,6 +216,8 @@ def _update(
 
 
 def _merge_weights(config: EstimatorConfig) -> tuple[float, float, float, float, float]:
-    depth = _MERGE_DEPTH if max(config.superpixel_lambda_depth, config.superpixel_lambda_gradient) > 0 else 0.0
+    """Colour and depth weigh as in the assignment, relative to the defaults: 0 leaves an image out here too."""
+    color = config.superpixel_lambda_color / _DEFAULT.superpixel_lambda_color
+    depth = max(config.superpixel_lambda_depth, config.superpixel_lambda_gradient) / _DEFAULT.superpixel_lambda_depth
     noise = (config.superpixel_noise_inverse_depth, config.superpixel_noise_depth_m)
-    return (1.0 / _COLOR_SCALE**2, depth, *noise, _MERGE_POWER)
+    return (color / _COLOR_SCALE**2, _MERGE_DEPTH * depth, *noise, _MERGE_POWER)

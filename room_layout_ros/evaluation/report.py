@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 
 import numpy as np
@@ -15,8 +15,8 @@ from .calibration import face_reliability, frame_reliability
 from .compare import ComparedFrame
 from .published import PAPER_RGB, PAPER_RGBD, TABLE_2, TABLE_3, TABLE_5
 from .room_scores import RoomScore
-from .scores import FURNITURE_IDS, LABELS, SetScore
-from .superpixel_table import MEASURES, row_name, superpixel_figures
+from .scores import FURNITURE_IDS, LABELS, Figure, SetScore
+from .superpixel_table import MEASURES, SETTINGS, TRUTHS, Setting, row_name, superpixel_figures
 from .tables import ROOM_COLUMNS, number, percent, room_cells, with_rooms, with_span, worst_first
 
 MAX_PICTURES = 120
@@ -27,9 +27,11 @@ of two visible walls is “front” is a guess of the annotators; “fixed” is
 numbers are of their authors' own images of NYU v2, not of these frames. Corner errors are in percent of the image
 diagonal; “none” counts frames without an estimate, each of them 100 % wrong."""
 
-_SUPERPIXELS = """200 per image, against the six labels. Our terms are normalised by their noise, so the paper's weights
-are taken as factors on our defaults; λd = 0 is plain SLIC. Unlabelled pixels are ignored; how the paper treats them is
-not known to us, so compare the rows with each other rather than with its numbers."""
+_SUPERPIXELS = """200 per image. Depth has two terms: “plane”, our default, is the residual to a superpixel's plane;
+“gradient” is the paper's own. All terms are normalised by their noise, so the paper's weights are taken as factors on
+our defaults, the gradient's on the plane's. Depth × 0 leaves depth out; it is plain SLIC only without our merging of
+neighbours (superpixel_oversegmentation=1). Unlabelled pixels are ignored; how the paper treats them is not known to us,
+so compare the rows with each other rather than with its numbers."""
 
 _ROOM = """Planes that truth and estimate both have: mean distance between them at the camera, and mean angle; axes
 modulo the cube's 24 rotations; volume of the room in view up to 10 m; free floor in sight up to 4 m. Metres are left
@@ -128,17 +130,17 @@ def _table_3(frames: Sequence[ComparedFrame]) -> list[str]:
     figures = superpixel_figures(frame.superpixels for frame in frames)
     if not figures:
         return []
-    cells = []
-    for (factor_color, factor_depth), paper in TABLE_3.items():
-        row = figures[row_name(factor_color, factor_depth)]
-        factors = (100.0, 100.0, 1.0)
-        columns = [
-            f"{with_span(row[measure], factor)} / {p:.2f}"
-            for measure, factor, p in zip(MEASURES, factors, paper, strict=True)
-        ]
-        cells.append([f"λa × {factor_color}, λd × {factor_depth}", *columns])
-    head = ["ours / paper", "mean error %", "covering %", "variation of information"]
-    return ["<h2>Superpixels (Table 3)</h2>", f"<p>{_SUPERPIXELS}</p>", page.table(head, cells)]
+    parts = ["<h2>Superpixels (Table 3)</h2>", f"<p>{_SUPERPIXELS}</p>"]
+    for truth in TRUTHS:
+        head = [f"against the {truth}, ours / paper", "mean error %", "covering %", "variation of information"]
+        parts.append(page.table(head, [_table_3_row(figures, setting, truth) for setting in SETTINGS]))
+    return parts
+
+
+def _table_3_row(figures: Mapping[str, Mapping[str, Figure]], setting: Setting, truth: str) -> list[str]:
+    row, paper = figures[row_name(setting, truth)], TABLE_3[setting.factor_color, setting.factor_depth]
+    columns = zip(MEASURES, (100.0, 100.0, 1.0), paper, strict=True)
+    return [setting.name, *(f"{with_span(row[measure], factor)} / {p:.2f}" for measure, factor, p in columns)]
 
 
 def _rooms(scores: Sequence[SetScore]) -> list[str]:

@@ -1,11 +1,16 @@
-"""The paper's Table 3: superpixels by the weights of colour and depth gradient, against the true labels."""
+"""The paper's Table 3: superpixels by the weights of colour and depth, against the true labels.
+
+Depth has two terms here: the residual to a superpixel's plane, our default (`superpixel_lambda_depth`), and the paper's
+own, the gradient (`superpixel_lambda_gradient`). Each has its rows.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
@@ -21,39 +26,68 @@ Row = tuple[float, float, float]
 
 MEASURES = ("mean_error", "covering", "variation_of_information")
 
+TRUTHS = ("six labels", "40 classes")
+"""Of the task, and of NYU v2; the paper says "the semantic labels provided with the dataset"."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """Factors on the weights of colour and of one depth term, "plane" or "gradient"; the other one is off."""
+
+    factor_color: int
+    factor_depth: int
+    term: str
+
+    @property
+    def name(self) -> str:
+        """What it varies, in words."""
+        return f"colour × {self.factor_color}, {self.term} × {self.factor_depth}"
+
+    def apply(self, config: EstimatorConfig) -> EstimatorConfig:
+        """Return these settings with the weights times the factors; the gradient has the weight of the plane."""
+        depth = min(100.0, config.superpixel_lambda_depth * self.factor_depth)
+        return replace(
+            config,
+            superpixel_lambda_color=min(100.0, config.superpixel_lambda_color * self.factor_color),
+            superpixel_lambda_depth=depth if self.term == "plane" else 0.0,
+            superpixel_lambda_gradient=depth if self.term == "gradient" else 0.0,
+        )
+
+
+SETTINGS = tuple(
+    Setting(color, depth, term)
+    for term in ("plane", "gradient")
+    for color, depth in TABLE_3
+    if term == "plane" or depth
+)
+"""The paper's ratios of the weights with each depth term; that without depth once."""
+
 
 def segmentation_of(sample: Sample, config: EstimatorConfig) -> dict[str, Row]:
-    """Return the measures of one frame at our settings and at the paper's ratios of the weights.
+    """Return the measures of one frame at every setting against every truth, by `row_name`.
 
-    The truth is the six labels of the task, unlabelled pixels are ignored. The weights here scale terms that are
-    normalised by their noise, so the paper's (lambda_a, lambda_d) are taken as factors on ours: its "1, 1" is our
-    default. A frame without labels has no measures.
+    Unlabelled pixels are ignored. The weights here scale terms that are normalised by their noise, so the paper's
+    (lambda_a, lambda_d) are taken as factors on ours: "colour × 1, plane × 1" is our default. A frame without labels
+    has no measures.
     """
-    truth = None if sample.truth is None else sample.truth.labels
-    if truth is None or not truth.any():
+    labels = None if sample.truth is None else sample.truth.labels
+    if sample.truth is None or labels is None or sample.truth.labels40 is None or not labels.any():
         return {}
+    truths: dict[str, NDArray[np.uint8]] = dict(zip(TRUTHS, (labels, sample.truth.labels40), strict=True))
     geometry = compute_depth_geometry(sample.frame, config)
     depth = None if geometry is None else geometry.inverse_depth
     rows: dict[str, Row] = {}
-    for factor_color, factor_depth in TABLE_3:
-        settings = replace(
-            config,
-            superpixel_lambda_color=min(100.0, config.superpixel_lambda_color * factor_color),
-            superpixel_lambda_depth=min(100.0, config.superpixel_lambda_depth * factor_depth),
-        )
-        found = compute_superpixels(sample.frame.color, depth, settings)
-        scores = segmentation_scores(found.index, truth)
-        rows[row_name(factor_color, factor_depth)] = (
-            scores.mean_error,
-            scores.covering,
-            scores.variation_of_information,
-        )
+    for setting in SETTINGS:
+        found = compute_superpixels(sample.frame.color, depth, setting.apply(config))
+        for name, truth in truths.items():
+            scores = segmentation_scores(found.index, truth)
+            rows[row_name(setting, name)] = scores.mean_error, scores.covering, scores.variation_of_information
     return rows
 
 
-def row_name(factor_color: float, factor_depth: float) -> str:
+def row_name(setting: Setting, truth: str) -> str:
     """Return the key of a row."""
-    return f"{factor_color:g}, {factor_depth:g}"
+    return f"{truth}: {setting.name}"
 
 
 def superpixel_figures(frames: Iterable[Mapping[str, Row]]) -> dict[str, dict[str, Figure]]:
