@@ -26,6 +26,7 @@ _N_ORIENTATIONS = N_FACES + 1
 N_LAYOUT_FEATURES = N_FACES + N_LABELS + N_FACES
 """Of an atom: orientation map, geometric context, layout by the scene network."""
 _MAX_CUE_M = 3.0
+"""The distances of the depth cues are cut here: the energy is linear in them, and corridors are long."""
 
 
 @dataclass(frozen=True, slots=True)
