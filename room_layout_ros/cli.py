@@ -21,6 +21,7 @@ COMMANDS = {
     "fit": "fit layouts to labelled frames",
     "scene": "train the network that looks at the colour image",
     "train": "learn the weights of the model",
+    "furniture": "learn furniture by kernel descriptors",
     "calibrate": "calibrate the confidences on frames with known layouts",
     "evaluate": "measure against ground truth",
     "bench": "measure the speed, on your frames or rendered ones",

@@ -7,6 +7,9 @@ from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .conclusion import conclude
 from .config import EstimatorConfig
 from .cuboid_refinement import refine_cuboid
@@ -14,10 +17,11 @@ from .depth_estimator import estimate_from_depth
 from .estimate import RoomEstimate, Status, no_estimate
 from .frame import RgbdFrame
 from .frame_evidence import classify_superpixels, gather_hypotheses
-from .furniture import find_furniture
+from .furniture import FurnitureModel, find_furniture
 from .joint import estimate_joint
+from .kernel_furniture import find_furniture_by_kernels, load_kernel_classifier
 from .models import load_models, load_scene_network
-from .observation import observe
+from .observation import Observation, observe
 from .scene_network import SceneScores, compute_scene_scores
 from .stage_clock import StageClock
 from .tracking import TemporalPrior
@@ -45,6 +49,7 @@ class LayoutEstimator:
         seen = uses(self.config.joint_variant, "layout_scene")
         looks = self.config.scene_network and self.config.method == "joint" and seen
         self.network = load_scene_network(models) if looks else None
+        self.kernels = load_kernel_classifier(models) if self.config.furniture_features == "kernel" else None
         ways = product((True, False), (True, False) if looks else (False,))
         self.models = {way: load_models(*way, models) for way in ways}
 
@@ -95,9 +100,7 @@ class LayoutEstimator:
         joint = run(
             "joint", estimate_joint, camera, superpixels, evidence, geometry, models.joint, config, expired, seen.parts
         )
-        with run.beside(
-            "furniture", find_furniture, superpixels, joint.labels, seen.features, models.furniture
-        ) as drawn:
+        with run.beside("furniture", self._name_furniture, frame, seen, joint.labels, models.furniture) as drawn:
             room = run(
                 "refinement", refine_cuboid, joint, geometry, camera, superpixels, context, axes, seen.scores,
                 frame.color if config.refine_on_edges else None, seen.segments,
@@ -113,6 +116,15 @@ class LayoutEstimator:
         resized = run("resize", resize_frame, frame, size)
         estimate = run("restore", restore_estimate, self.estimate(resized, prior, expired), frame.camera, size)
         return replace(estimate, timings_ms={**estimate.timings_ms, **run.timings_ms})
+
+    def _name_furniture(
+        self, frame: RgbdFrame, seen: Observation, labels: NDArray[np.uint8], model: FurnitureModel
+    ) -> NDArray[np.uint8]:
+        """Draw the furniture, told by the features that `furniture_features` names."""
+        if self.kernels is None:
+            return find_furniture(seen.superpixels, labels, seen.features, model)
+        color = frame.color if self.config.use_color else None
+        return find_furniture_by_kernels(color, seen.geometry, seen.superpixels, labels, self.kernels)
 
     def look(self, frame: RgbdFrame) -> SceneScores | None:
         """Ask the scene network about a frame; None without colour or network."""

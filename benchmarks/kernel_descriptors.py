@@ -1,0 +1,76 @@
+"""Furniture by kernel descriptors (the paper's way) against the forest: IoU per class on the 37, and time a frame.
+
+All rows are whole estimates on the same frames, with the estimator's own clutter. The paper's row is of its own 101
+images, of which the 37 are a part.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from benchmarks._frames import DATA
+from room_layout_ros.commands.evaluate import subset_names
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.labels import FURNITURE_NYU40
+from room_layout_ros.core.model_file import WeightsError
+from room_layout_ros.datasets import Sample, good_samples, open_folder
+from room_layout_ros.evaluation.prediction import Prediction
+from room_layout_ros.evaluation.published import TABLE_5
+from room_layout_ros.evaluation.scores import SetScore, score_frame
+
+ROWS = {
+    "forest (default)": EstimatorConfig(),
+    "forest, no scene network": EstimatorConfig(scene_network=False),
+    "kernel descriptors": EstimatorConfig(furniture_features="kernel"),
+    "forest, RGB": EstimatorConfig(use_depth=False),
+    "forest, no scene network, RGB": EstimatorConfig(use_depth=False, scene_network=False),
+    "kernel descriptors, RGB": EstimatorConfig(use_depth=False, furniture_features="kernel"),
+}
+
+
+def judge(title: str, config: EstimatorConfig, samples: Sequence[Sample]) -> tuple[SetScore, float, float]:
+    """Scores, and the medians of the milliseconds of the furniture stage and of the whole."""
+    estimator = LayoutEstimator(config)
+    estimator.estimate(samples[0].frame)  # compiles
+    scores, furniture_ms, whole_ms = [], [], []
+    for sample in samples:
+        start = cv2.getTickCount()
+        estimate = estimator.estimate(sample.frame)
+        whole_ms.append(1e3 * (cv2.getTickCount() - start) / cv2.getTickFrequency())
+        furniture_ms.append(estimate.timings_ms.get("furniture", 0.0))
+        scores.append(score_frame(sample, Prediction.of_estimate(estimate)))
+    return SetScore(title, tuple(scores)), float(np.median(furniture_ms)), float(np.median(whole_ms))
+
+
+def main() -> int:
+    cv2.setNumThreads(1)
+    if not (DATA / "nyuv2" / "splits.json").exists():
+        print(f"{DATA / 'nyuv2'} is not here: nothing to measure")
+        return 0
+    folder = open_folder(DATA / "nyuv2")
+    samples = list(good_samples(folder.subset(subset_names(folder, "layout_dev", "--frames"))))
+    print(f"{len(samples)} frames; IoU in percent, milliseconds as medians")
+    print(f"| | {' | '.join(FURNITURE_NYU40.values())} | mean | furniture ms | whole ms |")
+    print("|" + "---|" * (len(FURNITURE_NYU40) + 4))
+    for title, config in ROWS.items():
+        try:
+            score, furniture_ms, whole_ms = judge(title, config, samples)
+        except WeightsError as error:
+            print(f"| {title} | {error} |")
+            continue
+        ious = [score.figures[f"furniture_iou.{k}"].value for k in FURNITURE_NYU40]
+        mean = score.figures["mean_furniture_iou"].value
+        cells = " | ".join(f"{value:.1f}" for value in (*ious, mean))
+        print(f"| {title} | {cells} | {furniture_ms:.1f} | {whole_ms:.0f} |", flush=True)
+    paper = [TABLE_5[name] for name in FURNITURE_NYU40.values()]
+    print(f"| *paper, its own 101 images* | {' | '.join(f'{v:.1f}' for v in (*paper, np.mean(paper)))} | | |")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
