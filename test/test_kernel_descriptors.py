@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import DepthGeometry
-from room_layout_ros.core.evidence import color_patches, depth_patches
+from room_layout_ros.core.evidence import color_patches, depth_patches, depth_samples
 from room_layout_ros.core.evidence.kernel_descriptors import (
     COLOR,
     DEPTH,
@@ -131,7 +131,7 @@ def test_sums_over_patches_are_the_twins() -> None:
 
 def test_planes_of_windows_are_the_twins() -> None:
     image = inverse_depth(holes=True)
-    points, normals = depth_patches.plane_samples(image, CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
+    points, normals = depth_samples.plane_samples(image, CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
     for row in range(0, len(points), 3):
         for column in range(0, points.shape[1], 3):
             point, normal = naive.plane_sample(image, 4 * row, 4 * column, CAMERA)
@@ -142,7 +142,7 @@ def test_planes_of_windows_are_the_twins() -> None:
 
 def test_spin_is_its_twin() -> None:
     image, kernel = inverse_depth(holes=True), KERNELS["spin"]
-    points, normals = depth_patches.plane_samples(image, CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
+    points, normals = depth_samples.plane_samples(image, CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
     middle = np.array([[9, 13]], np.int32)
     a, b = kernel.attribute, kernel.position
     fast = depth_patches.sum_spin(
@@ -165,7 +165,7 @@ def turned(seed: int) -> NDArray[np.float32]:
 
 
 def test_spin_and_self_similarity_do_not_change_when_the_scene_is_moved() -> None:
-    points, normals = depth_patches.plane_samples(inverse_depth(), CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
+    points, normals = depth_samples.plane_samples(inverse_depth(), CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
     points -= np.array([0.0, 0.0, 2.0], np.float32)  # so that the turned points stay before the camera
     R = turned(3)
     moved = points @ R.T + np.array([0.3, -0.2, 9.0], np.float32)
@@ -181,7 +181,7 @@ def test_spin_and_self_similarity_do_not_change_when_the_scene_is_moved() -> Non
 
 
 def test_self_similarity_knows_only_measured_points() -> None:
-    points, _ = depth_patches.plane_samples(inverse_depth(holes=True), CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
+    points, _ = depth_samples.plane_samples(inverse_depth(holes=True), CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
     middles = np.array([[9, 13], [2, 11], [17, 22]], np.int32)
     padded = np.pad(points, ((4, 4), (4, 4), (0, 0)), constant_values=np.nan)
     slow = [naive.self_similarity(padded[y : y + 9 : 2, x : x + 9 : 2].reshape(-1, 3), 50.0, 10) for y, x in middles]
