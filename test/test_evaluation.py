@@ -310,6 +310,17 @@ def test_true_layouts_given_as_estimates_score_zero(folder: Path, tmp_path: Path
     assert (scores["layout_error"], scores["labelling_error"], scores["mean_iou"]) == (0, 0, 1)
 
 
+def test_estimates_of_other_frames_are_refused(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All frames would count as wrong, and the table would say 100 %."""
+    for kind in ("layout", "labels"):
+        (tmp_path / kind).mkdir()
+        write_image(tmp_path / kind / "hall.png", np.ones((480, 640), np.uint8))
+    assert room_layout(["evaluate", str(folder), "--estimates", str(tmp_path), "--baseline", "none"]) == 2
+    assert f"knows none of the {N_FRAMES} frames of frames folder" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("told", "time"), [({"milliseconds": 64.0}, 64.0), ({}, None)])
 def test_the_time_of_files_is_what_they_say_and_nothing_else(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], told: dict[str, float], time: float | None

@@ -30,7 +30,7 @@ from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.evaluation import baselines, tables
 from room_layout_ros.evaluation.c_curve import C_CURVE_FILE, CCurve, read_c_curve
 from room_layout_ros.evaluation.compare import ComparedFrame, CompareJob, EstimatorMethod, compare
-from room_layout_ros.evaluation.folder_predictions import read_folder
+from room_layout_ros.evaluation.folder_predictions import NO_FILES, read_folder
 from room_layout_ros.evaluation.scores import Method, SetScore
 from room_layout_ros.evaluation.superpixel_table import superpixel_figures
 from room_layout_ros.extras import install_hint
@@ -90,6 +90,11 @@ def run(arguments: argparse.Namespace) -> int:
         left = source.length - len(frames)
         print(f"{left} of {source.length} frames have no true layout and are left out", file=sys.stderr)
     scores = [SetScore(title, tuple(frame.scores[title] for frame in frames)) for title in methods]
+    if arguments.estimates is not None and all(frame.status == NO_FILES for frame in scores[0].frames):
+        raise DataError(
+            f"--estimates {arguments.estimates} knows none of the {len(frames)} frames of {source.title}; "
+            f"the first is {frames[0].name}"
+        )
     # Files first: whoever reads the table through a pipe may close it early.
     written = [] if arguments.out is None else _write(arguments, source, scores, frames, curve)
     print(f"{source.title}: {len(frames)} frames with a true layout; percent, 95 % bootstrap interval\n")

@@ -18,6 +18,9 @@ from room_layout_ros.datasets.images import read_index
 
 from .prediction import Prediction
 
+NO_FILES = "no files"
+"""Status of a frame that the folder does not know."""
+
 
 @dataclass(frozen=True, slots=True)
 class FolderPredictions:
@@ -39,7 +42,7 @@ class FolderPredictions:
         labels = self._image("labels", sample.name, CLUTTER)
         furniture = self._image("furniture", sample.name, 255)
         if layout is None or labels is None:
-            return Prediction.nothing(camera, str(line.get("error", "no files")), _number(None))
+            return Prediction.nothing(camera, str(line.get("error", NO_FILES)), _number(None))
         for kind, image in (("layout", layout), ("labels", labels)):
             if image.shape != (camera.height, camera.width):
                 raise DataError(
