@@ -31,6 +31,36 @@ FOREIGN = {
 """Names of the form of a parameter that are none of ours."""
 
 
+def cited_sections(text: str) -> set[int]:
+    """Return the sections of docs/method.md that a text names: "section 3 and 4", "sections 6 to 9", "11"."""
+    cited: set[int] = set()
+    for first, word, last in re.findall(
+        r"method\.md\)?[,:]?\s+(?:sections?\s+)?(\d+)(?:\s+(and|to)\s+(\d+))?", text, flags=re.IGNORECASE
+    ):
+        cited |= {int(first)} | ({int(last)} if last else set())
+        cited |= set(range(int(first), int(last))) if word == "to" else set()
+    return cited
+
+
+def test_citations_of_sections_are_read_in_all_their_forms() -> None:
+    several = "(docs/method.md, section 3 and 4). Method.md section 7; method.md,\n11) method.md 2"
+    assert cited_sections(several) == {2, 3, 4, 7, 11}
+    assert cited_sections("[method](method.md), sections 6 to 9") == {6, 7, 8, 9}
+    assert cited_sections("in method.md. 37 frames; docs/evidence.md, section 5") == set()
+
+
+def test_every_section_of_the_method_that_is_cited_is_there() -> None:
+    headings = re.findall(r"^## (\d+)\. ", (REPOSITORY / "docs" / "method.md").read_text("utf-8"), flags=re.MULTILINE)
+    assert [int(number) for number in headings] == list(range(1, len(headings) + 1)), "in order, none left out"
+    folders = ("room_layout_ros", "msg_adapters", "benchmarks", "launch", "test")
+    files = [file for folder in folders for file in sorted((REPOSITORY / folder).rglob("*.py"))]
+    files += [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
+    cited = {file.name: cited_sections(file.read_text("utf-8")) for file in files if file != Path(__file__).resolve()}
+    assert sum(map(bool, cited.values())) > 20
+    lacking = {name: sections - set(map(int, headings)) for name, sections in cited.items()}
+    assert {name: sections for name, sections in lacking.items() if sections} == {}
+
+
 @pytest.fixture(params=PAGES)
 def page(request: pytest.FixtureRequest) -> str:
     return (REPOSITORY / request.param).read_text("utf-8")
