@@ -105,7 +105,7 @@ def variants() -> list[Variant]:
         Variant("weights set by hand", by_hand=True),
         Variant("weights by hand, no refinement", by_hand=True, refined=False),
         Variant("no refinement", refined=False),
-        Variant("refinement by depth alone", replace(plain, refine_on_edges=False)),
+        Variant("refinement by depth alone", replace(plain, refinement="depth")),
         Variant("superpixels without depth", replace(plain, superpixel_lambda_depth=0.0)),
         Variant("axes without lines", lines_in_axes=False),
         Variant("one naming of the axes", replace(plain, axes_hypotheses=1)),
@@ -211,10 +211,10 @@ def _apply(variant: Variant, frame: RgbdFrame, cache: dict[object, Stages | None
     joint = estimate_joint(camera, superpixels, evidence, seen.geometry, weights, config, first=seen.parts)
     room = joint.cuboid
     if variant.refined:
-        color = frame.color if config.refine_on_edges else None
         room = refine_cuboid(
-            joint, seen.geometry, camera, superpixels, context, axes, seen.scores, color, seen.segments
-        ).cuboid
+            joint, seen.geometry, camera, superpixels, context, axes, seen.scores, frame.color, seen.segments,
+            config.refinement,
+        ).cuboid  # fmt: skip
     layout, labels = _paint(room, joint.labels, superpixels, frame)
     milliseconds = stages.milliseconds + 1e3 * (time.perf_counter() - start)
     return Row(layout, labels, joint.cuboid.raster(camera), milliseconds)

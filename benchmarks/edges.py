@@ -45,7 +45,7 @@ def real_samples() -> Iterator[Sample]:
 
 def main(rooms: int = ROOMS, first: int = FIRST) -> int:
     """Print both tables."""
-    ways = [LayoutEstimator(EstimatorConfig(refine_on_edges=on)) for on in (False, True)]
+    ways = [LayoutEstimator(EstimatorConfig(refinement=way)) for way in ("depth", "edges")]
     print(f"Planes of {rooms} rendered rooms, medians; ok: within 3 cm and 0.5 deg")
     print(f"{'':<19}{'cm':>10}{'deg':>8}{'ok %':>8}")
     for noise in NOISES:

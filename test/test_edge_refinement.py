@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,11 +11,13 @@ from numpy.typing import NDArray
 from scenes import HALF, ROOM, look, seen_from_inside
 
 from room_layout_ros.core import cuboid_refinement
+from room_layout_ros.core import estimator as estimator_module
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.edge_refinement import RoomPicture, refine_on_edges
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
+from room_layout_ros.core.joint import JointEstimate, estimate_joint
 from room_layout_ros.core.layout import RoomCuboid, plane_rows
 from room_layout_ros.core.lines import LineSegments, compute_line_segments
 from room_layout_ros.core.room_axes import angle_between_axes
@@ -40,7 +43,7 @@ def estimator() -> LayoutEstimator:
 
 @pytest.fixture(scope="module")
 def by_depth() -> LayoutEstimator:
-    return LayoutEstimator(EstimatorConfig(refine_on_edges=False))
+    return LayoutEstimator(EstimatorConfig(refinement="depth"))
 
 
 def view(slow_error: float, rng: np.random.Generator) -> tuple[RgbdFrame, F64, F64]:
@@ -121,6 +124,31 @@ def test_without_colour_nothing_is_looked_for(estimator: LayoutEstimator, monkey
     assert estimator.estimate(replace(frame, color=None)).cuboid is not None
     no_color = LayoutEstimator(EstimatorConfig(use_color=False))
     assert no_color.estimate(frame).cuboid is not None
+
+
+@pytest.mark.parametrize("use_depth", [True, False])
+def test_without_refinement_the_room_is_that_of_the_joint_solution(
+    use_depth: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frame = next(iter(good_samples(SyntheticSource(1, 6, noise="stereo", walk=False)))).frame
+    solved: list[JointEstimate] = []
+
+    def keep(*args: Any, **kwargs: Any) -> JointEstimate:
+        solved.append(estimate_joint(*args, **kwargs))
+        return solved[0]
+
+    monkeypatch.setattr(estimator_module, "estimate_joint", keep)
+    found = LayoutEstimator(EstimatorConfig(refinement="none", use_depth=use_depth)).estimate(frame)
+    assert found.cuboid is not None
+    joint = solved[0].cuboid
+    assert angle_between_axes(found.cuboid.R_room_camera, joint.R_room_camera) < 1e-6
+    np.testing.assert_array_equal(found.cuboid.raster(frame.camera) > 0, joint.raster(frame.camera) > 0)
+    ratio = np.sort(found.cuboid.distances[np.isfinite(found.cuboid.distances)])
+    joint_distances = np.sort(joint.distances[np.isfinite(joint.distances)])
+    np.testing.assert_allclose(ratio / ratio[0], joint_distances / joint_distances[0])
+    refined = LayoutEstimator(EstimatorConfig(refinement="depth", use_depth=use_depth)).estimate(frame)
+    assert refined.cuboid is not None
+    assert not np.array_equal(refined.cuboid.distances, found.cuboid.distances)
 
 
 # --- the step by itself --------------------------------------------------------------------------------------------

@@ -206,6 +206,64 @@ def test_one_floor_alone_points_the_axes_along_the_view() -> None:
     assert error_deg(found.R_room_camera, look(0, 60)) < 0.1
 
 
+def chequered(R: NDArray[np.float64], face: int, distance_m: float, turn_deg: float) -> tuple[RgbdFrame, LineSegments]:
+    """One plane that fills the view of `HALF`, with squares of a fifth of its distance, turned about its normal."""
+    empty = np.full(5, np.inf)
+    empty[face] = distance_m
+    frame, _ = seen_from_inside(HALF, R, empty)
+    assert frame.depth_m is not None
+    room = (HALF.rays() * frame.depth_m[..., None]) @ R.T
+    a, b = room[..., 0], room[..., 2 if face == 1 else 1]
+    c, s = np.cos(np.deg2rad(turn_deg)), np.sin(np.deg2rad(turn_deg))
+    tile = 0.2 * distance_m
+    dark = (np.floor((c * a + s * b) / tile) + np.floor((c * b - s * a) / tile)) % 2 == 0
+    color = np.where(dark[..., None], np.uint8(60), np.uint8(200)).repeat(3, axis=2).astype(np.uint8)
+    return RgbdFrame(HALF, color, frame.depth_m), compute_line_segments(color, EstimatorConfig())
+
+
+@pytest.mark.parametrize("roll", (3, 8, 15, 20))
+@pytest.mark.parametrize("yaw", (0, 20))
+def test_lines_on_the_only_wall_tell_the_roll(yaw: float, roll: float) -> None:
+    R = look(yaw, 0, roll)
+    frame, segments = chequered(R, 3, 2.0, 0.0)
+    assert frame.depth_m is not None
+    found = estimate_manhattan_frame(geometry_of(frame.depth_m), segments)
+    assert found is not None
+    assert error_deg(found.R_room_camera, R) < 0.3
+
+
+@pytest.mark.parametrize("turn", (0, 15, 30, 45))
+def test_lines_on_the_only_floor_tell_the_turn(turn: float) -> None:
+    R = look(0, 60)
+    frame, segments = chequered(R, 1, 1.3, turn)
+    assert frame.depth_m is not None
+    found = estimate_manhattan_frame(geometry_of(frame.depth_m), segments)
+    assert found is not None
+    c, s = np.cos(np.deg2rad(turn)), np.sin(np.deg2rad(turn))
+    assert error_deg(found.R_room_camera, np.array([c * R[0] + s * R[2], R[1], c * R[2] - s * R[0]])) < 0.3
+
+
+def test_gravity_goes_before_lines_on_a_wall() -> None:
+    """A picture may hang askew."""
+    R = look(10, 0, 5)
+    frame, segments = chequered(R, 3, 2.0, 20.0)
+    assert frame.depth_m is not None
+    found = estimate_manhattan_frame(geometry_of(frame.depth_m), segments, gravity=R[1])
+    assert found is not None
+    assert error_deg(found.R_room_camera, R) < 0.3
+
+
+def test_few_or_scattered_lines_tell_nothing(rng: np.random.Generator) -> None:
+    R = look(0, 0, 10)
+    frame, segments = chequered(R, 3, 2.0, 0.0)
+    assert frame.depth_m is not None
+    scattered = rng.uniform((0, 0, 0, 0), (320, 240, 320, 240), (60, 4)).astype(np.float32)
+    for points in (segments.points[:5], scattered):
+        found = estimate_manhattan_frame(geometry_of(frame.depth_m), LineSegments(points))
+        assert found is not None
+        assert error_deg(found.R_room_camera, look(0, 0, 0)) < 3.5
+
+
 def test_axes_come_from_lines_alone_where_there_is_no_depth() -> None:
     """Rooms with doors, windows and pictures; the goal of the RGB variant is 5 degrees on most frames."""
     rooms = SyntheticSource(frames=6, seed=21, noise="clean", walk=False, camera=HALF, options={"furniture": 0.0})

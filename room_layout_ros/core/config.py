@@ -134,9 +134,10 @@ class EstimatorConfig:
         "blocks of the model that are used",
         choices=("full", "paper", "rgb", "om_only", "gc_only", "no_compatibility", "no_planes", "no_pairs"),
     )
-    refine_on_edges: bool = _p(
-        True, "move the planes onto the edges of the room that the colour image shows (false: by depth alone)"
-    )
+    refinement: str = _p(
+        "edges", "of the joint solution's planes: to the depth and onto the edges of the picture; to the depth alone; "
+        "none, as in the paper", choices=("edges", "depth", "none"),
+    )  # fmt: skip
     joint_bound: bool = _p(False, "compute the lower bound of the joint energy too")
     labelling_sweeps: int = _p(10, "sweeps of message passing at most", "", 1, 1000)
     # free space (issue 5): the floor plane, the grid on it, obstacles and drops

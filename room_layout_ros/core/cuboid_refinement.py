@@ -17,12 +17,15 @@ from .lines import LineSegments
 from .manhattan import ManhattanFrame
 from .room_balance import balance_faces
 from .room_cells import image_cells, room_cells
-from .room_cost import IMAGE_COSTS, FittedRoom, cell_costs, rate_room
+from .room_cost import IMAGE_COSTS, CellCosts, FittedRoom, cell_costs, rate_room
 from .room_refinement import refine_room
 from .room_search import search_room
 from .scene_network import SceneScores
 from .superpixels import Superpixels
 from .wall_naming import rename_walls
+
+EDGES, DEPTH, NONE = "edges", "depth", "none"
+"""Ways of refinement, values of the setting `refinement`."""
 
 _HOPELESS = 1.03
 """A start that costs this much more than the other is not refined; it hardly ever ends up better."""
@@ -57,6 +60,7 @@ def refine_cuboid(
     scores: SceneScores | None,
     color: NDArray[np.uint8] | None = None,
     segments: LineSegments | None = None,
+    way: str = EDGES,
 ) -> RefinedRoom:
     """Turn the axes and move the planes of the discrete optimum to the best continuous cuboid.
 
@@ -74,6 +78,7 @@ def refine_cuboid(
     scores : SceneScores or None
         The face behind each part of the image, which counts besides.
     color : (H, W, 3) uint8 or None. segments : of it, or None.
+    way : `EDGES`, `DEPTH` (not onto the edges of the picture) or `NONE` (the discrete optimum stays, as in the paper).
     """
     cuboid = joint.cuboid
     labels = np.eye(N_LABELS)[joint.labels.astype(np.intp) - 1]
@@ -83,18 +88,24 @@ def refine_cuboid(
     start = FittedRoom(cuboid.R_room_camera, cuboid.distances, np.inf)
     if geometry is None:
         cells = image_cells(camera, 0.5 * believed + 0.5 * labels, superpixels.index, behind)
-        room = refine_room(cell_costs(cells, IMAGE_COSTS), start, turn=False)
+        rated = cell_costs(cells, IMAGE_COSTS)
+        room = rate_room(rated, start) if way == NONE else refine_room(rated, start, turn=False)
         measured = 0.0
     else:
         cells = room_cells(geometry, believed, superpixels.index, behind)
         rated = cell_costs(cells)
-        starts = (rate_room(rated, start), search_room(rated, cuboid.R_room_camera))
-        limit = _HOPELESS * min(start.cost for start in starts)
-        room = min((refine_room(rated, start) for start in starts if start.cost <= limit), key=lambda room: room.cost)
-        if color is not None and segments is not None:
+        room = rate_room(rated, start) if way == NONE else _fit_depth(rated, start)
+        if way == EDGES and color is not None and segments is not None:
             picture = RoomPicture(color, segments, superpixels.index, joint.labels == CLUTTER)
             moved = refine_on_edges(cells, camera, picture, room.R_room_camera, room.distances)
             room = rate_room(rated, FittedRoom(*moved, np.inf))
         measured = geometry.measured
     balance = balance_faces(cells, room.R_room_camera, room.distances)
     return RefinedRoom(RoomCuboid(room.R_room_camera, room.distances), room.cost, balance, measured, certainty)
+
+
+def _fit_depth(rated: CellCosts, start: FittedRoom) -> FittedRoom:
+    """The better of the room refined from the start and from the best one over candidate offsets."""
+    starts = (rate_room(rated, start), search_room(rated, start.R_room_camera))
+    limit = _HOPELESS * min(start.cost for start in starts)
+    return min((refine_room(rated, start) for start in starts if start.cost <= limit), key=lambda room: room.cost)

@@ -103,7 +103,7 @@ class LayoutEstimator:
         with run.beside("furniture", self._name_furniture, frame, seen, joint.labels, models.furniture) as drawn:
             room = run(
                 "refinement", refine_cuboid, joint, geometry, camera, superpixels, context, axes, seen.scores,
-                frame.color if config.refine_on_edges else None, seen.segments,
+                frame.color, seen.segments, config.refinement,
             )  # fmt: skip
         confidence = models.confidence
         return conclude(frame, axes, superpixels, joint, room, drawn(), confidence, run.timings_ms)

@@ -35,6 +35,9 @@ _AZIMUTH_BINS = 45
 _MODES_APART_RAD = np.deg2rad(12.0)
 _MODE_SEEDS = 120
 _MIN_MODE = 0.01
+_MIN_LINES, _LONGEST_PX, _SHARED_RAD, _LEAST_SHARED = 6, 100.0, np.deg2rad(3.0), 0.4
+"""On one plane so many lines tell its axes, if this near (third) to them lies the last of the lines' length, each counted
+up to the second. By chance a fifteenth lies there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,11 +108,11 @@ def estimate_manhattan_frame(
         return None
     weight = 1.0 / (cells.sigma**2 + _KERNEL_RAD**2)
     weight /= weight.sum()
-    starts = _candidates(cells.normal, weight, gravity) if prior is None else [prior]
+    lines, lengths = (None, None) if segments is None else _interpretation(segments, geometry)
+    starts = _candidates(cells.normal, weight, gravity, lines, lengths) if prior is None else [prior]
     scored = sorted(((_score(R, cells.normal, weight, _BANDWIDTH), i) for i, R in enumerate(starts)), reverse=True)
     if prior is not None and scored[0][0] < 0.5:
         return estimate_manhattan_frame(geometry, segments, None, gravity)
-    lines, lengths = (None, None) if segments is None else _interpretation(segments, geometry)
     refined: list[tuple[float, NDArray[np.float64]]] = []
     small = fit_cell_planes(geometry, radius=1)
     for _, i in scored[:3]:
@@ -127,13 +130,17 @@ def _interpretation(segments: LineSegments, geometry: DepthGeometry) -> tuple[ND
 
 
 def _candidates(
-    normals: NDArray[np.float64], weight: NDArray[np.float64], gravity: NDArray[np.float64] | None = None
+    normals: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    gravity: NDArray[np.float64] | None = None,
+    lines: NDArray[np.float64] | None = None,
+    lengths: NDArray[np.float64] | None = None,
 ) -> list[NDArray[np.float64]]:
     """Triples from the strongest normal modes and the azimuths around each."""
     triples = []
     for axis in _modes(normals, weight, _MODES, _BANDWIDTH, _MODES_APART_RAD):
         basis = _complete(axis)
-        for angle in _azimuths(normals, weight, basis) or [_guessed_azimuth(basis, gravity)]:
+        for angle in _azimuths(normals, weight, basis) or [_azimuth_of_one_plane(basis, gravity, lines, lengths)]:
             c, s = np.cos(angle), np.sin(angle)
             triples.append(np.array([c * basis[0] + s * basis[1], -s * basis[0] + c * basis[1], basis[2]]))
     return triples
@@ -248,12 +255,40 @@ def _azimuth_peaks(normals, weight, basis):  # type: ignore[no-untyped-def]
     return peaks[:found]
 
 
-def _guessed_azimuth(basis: NDArray[np.float64], gravity: NDArray[np.float64] | None) -> float:
-    """Azimuth where one plane is all there is: level beside a wall, along the view above a floor."""
+def _azimuth_of_one_plane(
+    basis: NDArray[np.float64],
+    gravity: NDArray[np.float64] | None,
+    lines: NDArray[np.float64] | None,
+    lengths: NDArray[np.float64] | None,
+) -> float:
+    """Azimuth where one plane is all there is: by gravity beside a wall, by the lines on it, or guessed.
+
+    The guess is level beside a wall and along the view above a floor.
+    """
     down = np.array([0.0, 1.0, 0.0]) if gravity is None else gravity / np.linalg.norm(gravity)
     level = abs(basis[2] @ down) < np.sqrt(0.5)
+    if lines is not None and lengths is not None and not (level and gravity is not None):
+        told = _azimuth_of_lines(basis, lines, np.minimum(lengths, _LONGEST_PX))
+        if told is not None:
+            return told
     u, v, _ = basis @ (down if level else np.array([0.0, 0.0, 1.0]))
     return float(np.arctan2(v, u))
+
+
+def _azimuth_of_lines(
+    basis: NDArray[np.float64], lines: NDArray[np.float64], lengths: NDArray[np.float64]
+) -> float | None:
+    """Azimuth modulo 90 degrees that most of the lines on the plane across `basis[2]` share; None where few do."""
+    along = np.cross(lines, basis[2])
+    length = np.linalg.norm(along, axis=1)
+    along, weight = along[length > 0.0] / length[length > 0.0, None], lengths[length > 0.0]
+    if len(along) < _MIN_LINES:
+        return None
+    weight = weight / weight.sum()
+    peaks = _azimuth_peaks(along, weight, basis)
+    off = np.arctan2(along @ basis[1], along @ basis[0]) - peaks[0]
+    near = np.abs((off + np.pi / 4) % (np.pi / 2) - np.pi / 4) < _SHARED_RAD
+    return float(peaks[0]) if weight[near].sum() >= _LEAST_SHARED else None
 
 
 @njit(cache=True, nogil=True)
