@@ -36,8 +36,8 @@ _MODES_APART_RAD = np.deg2rad(12.0)
 _MODE_SEEDS = 120
 _MIN_MODE = 0.01
 _MIN_LINES, _LONGEST_PX, _SHARED_RAD, _LEAST_SHARED = 6, 100.0, np.deg2rad(3.0), 0.4
-"""On one plane so many lines tell its axes, if this near (third) to them lies the last of the lines' length, each counted
-up to the second. By chance a fifteenth lies there."""
+"""On one plane so many lines tell its axes, if the last of their length, each counted up to the second, lies as near to
+them as the third. By chance a fifteenth lies there."""
 
 
 @dataclass(frozen=True, slots=True)
