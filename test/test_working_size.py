@@ -15,6 +15,7 @@ from room_layout_ros.core.estimate import RoomEstimate, Status
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.core.freespace import free_space_of_frame
+from room_layout_ros.core.picture import draw_overlay
 from room_layout_ros.core.working_size import resize_estimate, resize_frame, restore_estimate, working_factors
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import CLEAN, KINECT, NOISES, camera_pose, random_pose, random_scene, render
@@ -266,3 +267,12 @@ def test_a_camera_of_few_pixels_sees_the_room(noise: str) -> None:
 def test_a_working_size_without_cells_is_refused() -> None:
     with pytest.raises(ValueError, match=r"working_size_px is 100 px; allowed are 0 \(no resizing\) and 160 or more"):
         EstimatorConfig(working_size_px=100)
+
+
+def test_a_small_frame_is_drawn_larger_and_its_legend_leaves_the_room_to_see() -> None:
+    camera = CameraIntrinsics(160, 120, 130.0, 130.0, 79.5, 59.5)
+    sample = furnished(camera, 3, "clean")
+    picture = draw_overlay(sample.frame, with_truth(sample))
+    assert picture.shape == (480, 640, 3)
+    plain = draw_overlay(view(KINECT).frame, with_truth(view(KINECT)))
+    assert plain.shape == (480, 640, 3)

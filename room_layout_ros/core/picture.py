@@ -13,6 +13,7 @@ from .estimate import RoomEstimate
 from .frame import RgbdFrame
 from .labels import CLUTTER, FACES, LABEL_COLORS, LABEL_NAMES
 from .layout import FacePolygon
+from .working_size import resize_estimate, resize_frame
 
 _SHIFT = 4
 """Sub-pixel bits of OpenCV's line drawing."""
@@ -20,6 +21,7 @@ _LEGEND_SCALE = 3
 _EDGE_DARK, _EDGE_LIGHT = (20, 20, 20), (255, 255, 255)
 _TEXT, _CARD = (235, 235, 235), 28
 _HATCH, _RIM = 7, 8
+_SMALL_PX, _DRAWN_PX = 320, 640
 
 
 def draw_overlay(frame: RgbdFrame, estimate: RoomEstimate) -> NDArray[np.uint8]:
@@ -34,8 +36,11 @@ def draw_overlay(frame: RgbdFrame, estimate: RoomEstimate) -> NDArray[np.uint8]:
 
     Returns
     -------
-    (H, W, 3) uint8 array, RGB. Clutter is grey and hatched, the rim of the clutter a thin dark line.
+    (H, W, 3) uint8 array, RGB. Clutter is grey and hatched, the rim of the clutter a thin dark line. A frame whose
+    longer side is below `_SMALL_PX` is drawn larger, by a whole factor: the legend would hide it.
     """
+    if max(frame.camera.width, frame.camera.height) < _SMALL_PX:
+        return draw_overlay(resize_frame(frame, _DRAWN_PX), resize_estimate(estimate, frame.camera, _DRAWN_PX))
     ground = frame.color if frame.color is not None else _depth_picture(frame.depth_m)
     picture = np.empty_like(ground)
     _blend(np.ascontiguousarray(ground), np.ascontiguousarray(estimate.labels), _mixtures(), picture)
