@@ -23,13 +23,14 @@ from room_layout_ros.commands.evaluate import BASELINES
 from room_layout_ros.commands.evaluate_input import choose_frames
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.core.layout import RoomCuboid
-from room_layout_ros.datasets import FramesFolder, FrameTruth, Sample, open_folder
+from room_layout_ros.datasets import DataError, FramesFolder, FrameTruth, Sample, open_folder
 from room_layout_ros.datasets.images import write_image
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.datasets.writers import FolderWriter
 from room_layout_ros.evaluation import baselines, figures, tables
 from room_layout_ros.evaluation.c_curve import CCurve, CPoint, read_c_curve, update_c_curve
 from room_layout_ros.evaluation.calibration import face_reliability, frame_reliability
+from room_layout_ros.evaluation.folder_predictions import read_folder
 from room_layout_ros.evaluation.prediction import Prediction
 from room_layout_ros.evaluation.scores import SetScore, run
 
@@ -308,6 +309,60 @@ def test_true_layouts_given_as_estimates_score_zero(folder: Path, tmp_path: Path
     assert room_layout([*arguments, "--out", str(out)]) == 0
     (scores,) = json.loads((out / "summary.json").read_text())["methods"].values()
     assert (scores["layout_error"], scores["labelling_error"], scores["mean_iou"]) == (0, 0, 1)
+
+
+BED = 4
+
+
+@pytest.mark.parametrize(
+    ("missing", "shares"),
+    [(("furniture", "layout", "labels"), (0.5, 0.5)), (("furniture",), (0.5, 1.0)), ((), (1.0, 1.0))],
+)
+def test_furniture_that_a_frame_without_files_missed_is_counted(
+    missing: tuple[str, ...], shares: tuple[float, float], tmp_path: Path
+) -> None:
+    """Two frames, half of each a bed; the files say the truth, but some of the second frame's are not there."""
+    samples = [with_bed(room_sample("a")), with_bed(room_sample("b"))]
+    for kind in ("layout", "labels", "furniture"):
+        (tmp_path / kind).mkdir()
+    for sample in samples:
+        assert sample.truth is not None
+        for kind in ("layout", "labels", "furniture"):
+            if sample.name == "a" or kind not in missing:
+                image = getattr(sample.truth, kind)
+                write_image(tmp_path / kind / f"{sample.name}.png", image)
+    scores = run("files", read_folder(tmp_path), samples)
+    found = tuple(scores.figures[name].value for name in (f"furniture_iou.{BED}", "mean_iou"))
+    assert found == pytest.approx(shares, abs=0.01)
+    if "layout" not in missing:
+        shutil.rmtree(tmp_path / "furniture")
+        assert np.isnan(run("files", read_folder(tmp_path), samples).figures["mean_furniture_iou"].value)
+
+
+def with_bed(sample: Sample) -> Sample:
+    assert sample.truth is not None
+    assert sample.truth.labels40 is not None
+    classes = sample.truth.labels40.copy()
+    classes[:, ::2] = BED
+    return replace(sample, truth=replace(sample.truth, labels40=classes))
+
+
+def test_furniture_of_another_size_is_refused(tmp_path: Path) -> None:
+    sample = room_sample("a")
+    layout = ROOM.raster(CAMERA)
+    for kind, image in (("layout", layout), ("labels", layout), ("furniture", layout[:-1])):
+        (tmp_path / kind).mkdir()
+        write_image(tmp_path / kind / "a.png", image)
+    with pytest.raises(DataError, match=r"furniture/a.png has shape \(479, 640\)"):
+        read_folder(tmp_path)(sample)
+
+
+def test_a_baseline_that_names_no_furniture_has_no_figure_of_it() -> None:
+    blind = replace(room_sample("b").frame, depth_m=np.full((480, 640), np.nan, np.float32))
+    samples = [with_bed(room_sample("a")), replace(with_bed(room_sample("b")), frame=blind)]
+    scores = run("walls", baselines.percentile_walls, samples)
+    assert scores.without_estimate == 1
+    assert np.isnan(scores.figures["mean_furniture_iou"].value)
 
 
 def test_estimates_of_other_frames_are_refused(

@@ -24,7 +24,10 @@ NO_FILES = "no files"
 
 @dataclass(frozen=True, slots=True)
 class FolderPredictions:
-    """The method "what these files say"; a frame without files is an empty prediction, so wrong everywhere."""
+    """The method "what these files say"; a frame without files is an empty prediction, so wrong everywhere.
+
+    That goes for furniture too where the folder has `furniture/`; without it, nothing is said of furniture.
+    """
 
     path: Path
     lines: dict[str, dict[str, Any]]
@@ -42,9 +45,12 @@ class FolderPredictions:
         labels = self._image("labels", sample.name, CLUTTER)
         furniture = self._image("furniture", sample.name, 255)
         if layout is None or labels is None:
-            return Prediction.nothing(camera, str(line.get("error", NO_FILES)), _number(None))
-        for kind, image in (("layout", layout), ("labels", labels)):
-            if image.shape != (camera.height, camera.width):
+            status = str(line.get("error", NO_FILES))
+            return Prediction.nothing(camera, status, _number(None), self._names_furniture)
+        if furniture is None and self._names_furniture:
+            furniture = np.zeros((camera.height, camera.width), np.uint8)
+        for kind, image in (("layout", layout), ("labels", labels), ("furniture", furniture)):
+            if image is not None and image.shape != (camera.height, camera.width):
                 raise DataError(
                     f"{self.path / kind / sample.name}.png has shape {image.shape}; "
                     f"the frame's is {(camera.height, camera.width)}"
@@ -62,6 +68,11 @@ class FolderPredictions:
             status=str(line.get("status", "ok")).lower(),
             milliseconds=_number(line.get("milliseconds")),
         )
+
+    @property
+    def _names_furniture(self) -> bool:
+        """Whether these files say what furniture there is: where one frame's are missing, its furniture is missed."""
+        return (self.path / "furniture").is_dir()
 
     def _image(self, kind: str, name: str, highest: int) -> NDArray[np.uint8] | None:
         path = self.path / kind / f"{name}.png"

@@ -33,10 +33,16 @@ class Prediction:
     milliseconds: float | None = None
 
     @classmethod
-    def nothing(cls, camera: CameraIntrinsics, status: str, milliseconds: float | None = None) -> Prediction:
-        """Return the prediction of a method that has none for this frame: every pixel unknown, so wrong."""
+    def nothing(
+        cls, camera: CameraIntrinsics, status: str, milliseconds: float | None = None, names_furniture: bool = False
+    ) -> Prediction:
+        """Return the prediction of a method that has none for this frame: every pixel unknown, so wrong.
+
+        `names_furniture` : the method says what furniture there is in other frames, so here it has missed it.
+        """
         empty = np.zeros((camera.height, camera.width), np.uint8)
-        return cls(layout=empty, labels=empty, status=status, milliseconds=milliseconds)
+        furniture = empty if names_furniture else None
+        return cls(layout=empty, labels=empty, furniture=furniture, status=status, milliseconds=milliseconds)
 
     @classmethod
     def of_estimate(

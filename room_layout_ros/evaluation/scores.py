@@ -34,7 +34,7 @@ class FrameScore:
     Attributes
     ----------
     corner_error : in image diagonals. room : in metres and degrees.
-    furniture : (6, 2) int64 pixels of (intersection, union) per class.
+    furniture : (6, 2) int64 pixels of (intersection, union) per class; 0 where the method says nothing of furniture.
     """
 
     name: str
