@@ -19,6 +19,7 @@ from .core.estimate import RoomEstimate
 from .core.floor_plane import FloorPlane
 from .core.frame import RgbdFrame
 from .core.tracking import TemporalPrior
+from .core.working_size import resize_frame
 from .floor_check import FloorCheck
 from .floor_pose import FloorPose
 from .inputs import ImageItem, assemble, foreign_cameras
@@ -75,6 +76,8 @@ class NodeStages:
         frame = warm_up_frame()
         with self._telling_that_it_compiles():
             settings.estimator.estimate(replace(frame, depth_m=None))  # a camera may start with depth of nothing
+            for scale in (2.0, 0.25):  # larger and smaller images are resized
+                resize_frame(warm_up_frame(scale), settings.estimator.config.working_size_px)
             scene = Scene(frame, settings.estimator.estimate(frame), settings.node, settings.estimator.config)
             for output in OUTPUTS:
                 output.encode(scene)

@@ -9,9 +9,9 @@ from room_layout_ros.core.labels import LABEL_COLORS
 from room_layout_ros.core.layout import RoomCuboid
 
 
-def warm_up_frame() -> RgbdFrame:
-    """Return a plain box room of 4 x 2.5 x 4 m seen from inside, with colour and depth, 640x480."""
-    camera = CameraIntrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
+def warm_up_frame(scale: float = 1.0) -> RgbdFrame:
+    """Return a plain box room of 4 x 2.5 x 4 m seen from inside, with colour and depth, 640x480 or a multiple of it."""
+    camera = CameraIntrinsics(640, 480, 525.0, 525.0, 319.5, 239.5).scaled(scale)
     pitch = np.deg2rad(5.0)
     R = np.array([[1, 0, 0], [0, np.cos(pitch), np.sin(pitch)], [0, -np.sin(pitch), np.cos(pitch)]])
     room = RoomCuboid(R, np.array([1.2, 1.3, 1.8, 3.5, 2.2]))
