@@ -23,6 +23,8 @@ from room_layout_ros.commands.output_folder import held_alone
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import FACES, LABEL_NAMES
+from room_layout_ros.core.models import config_folder
+from room_layout_ros.core.weights import N_FEATURES, ModelWeights, save_weights, start_weights
 from room_layout_ros.datasets import BadFrame, FrameSource, Sample, good_samples, open_source
 from room_layout_ros.datasets.convert import copy_frames
 from room_layout_ros.datasets.readable import ReadablePart
@@ -113,9 +115,58 @@ def test_the_milliseconds_of_a_line_are_the_wall_time(walk: Path, monkeypatch: p
             time.sleep(0.02)
             return replace(estimate, timings_ms=dict.fromkeys(estimate.timings_ms, 1e6))
 
-    monkeypatch.setattr(estimate_frame, "_estimator", lambda config: Slow())
+    monkeypatch.setattr(estimate_frame, "_estimator", lambda *_: Slow())
     line = estimate_frame.estimate_item(estimate_frame.FrameJob(EstimatorConfig()), sample).line
     assert 20 <= line["milliseconds"] < 1e6
+
+
+@pytest.fixture
+def own_models(tmp_path: Path) -> Path:
+    """A copy of the shipped models in which the weights with depth and network are those set by hand."""
+    folder = tmp_path / "models"
+    folder.mkdir()
+    for path in config_folder().glob("*.npz"):
+        (folder / path.name).symlink_to(path.resolve())
+    (folder / "joint_rgbd.npz").unlink()
+    save_weights(start_weights(), folder / "joint_rgbd.npz")
+    return folder
+
+
+def test_models_of_ones_own_are_those_that_estimate(walk: Path, result: Path, own_models: Path, tmp_path: Path) -> None:
+    from room_layout_ros.core.estimator import LayoutEstimator
+
+    command = ["estimate", str(walk), "--out", str(tmp_path / "out"), "--limit", "1"]
+    assert main([*command, "--models", str(own_models)]) == 0
+    (line,) = lines_of(tmp_path / "out")
+    sample = next(iter(good_samples(open_source(walk))))
+    estimate = LayoutEstimator(models=own_models).estimate(sample.frame)
+    assert line["energy"] == pytest.approx(estimate.energy, abs=1e-6)
+    assert line["energy"] != pytest.approx(lines_of(result)[0]["energy"], abs=1e-3), "the shipped ones say otherwise"
+
+
+def test_models_of_ones_own_are_those_that_are_measured(walk: Path, own_models: Path, tmp_path: Path) -> None:
+    save_weights(ModelWeights(np.zeros(N_FEATURES)), own_models / "zero.npz")
+    (own_models / "zero.npz").replace(own_models / "joint_rgb.npz")
+    command = ["evaluate", str(walk), "--rgb-only", "--frames", "0", "--baseline", "none", "--no-report"]
+    errors = []
+    for out, more in (("shipped", []), ("own", ["--models", str(own_models)])):
+        assert main([*command, "--out", str(tmp_path / out), *more]) == 0
+        errors.append(json.loads((tmp_path / out / "summary.json").read_text())["methods"]["ours, RGB"])
+    assert errors[0]["labelling_error"] < errors[1]["labelling_error"], "weights of 0 know no label"
+
+
+@pytest.mark.parametrize("command", ["estimate", "evaluate"])
+def test_a_folder_that_lacks_a_model_is_refused_in_one_sentence_before_the_first_frame(
+    command: str, walk: Path, own_models: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [command, str(walk), "--out", str(tmp_path / "out")]
+    (own_models / "confidence_rgb.npz").unlink()
+    for folder, named in ((own_models, "confidence_rgb.npz"), (tmp_path / "nowhere", "scene.npz")):
+        assert main([*words, "--models", str(folder)]) == 2
+        said = capsys.readouterr().err
+        assert said.startswith(f"room-layout: {folder / named} cannot be read: No such file or directory; --models")
+        assert said.count("\n") == 1
+        assert not list((tmp_path / "out").glob("*"))
 
 
 def test_a_bag_without_camera_info_is_estimated_with_a_calibration_file(

@@ -484,6 +484,8 @@ def test_a_subset_of_splits_json_is_what_is_scored(folder: Path, tmp_path: Path)
         (["{folder}", "--fits", "{fits}"], "holds no accepted fit; at least one is needed"),
         (["{folder}", "--estimates", "{tmp}", "--rgb-only"], "as it was written; --rgb-only cannot change it"),
         (["{folder}", "--estimates", "{tmp}", "--set", "max_depth_m=4"], "as it was written; --set cannot change it"),
+        (["{folder}", "--estimates", "{tmp}", "--models", "{tmp}"], "as it was written; --models cannot change it"),
+        (["{folder}", "--models", "{tmp}"], "scene.npz cannot be read: No such file or directory; --models needs"),
         (["{folder}", "--set", "superpixel_count=many"], "no int"),
         (["{folder}", "--noise", "stereo"], "--noise stereo is of rendered rooms"),
         (["{folder}", "--seed", "0"], "--seed 0 is of rendered rooms"),

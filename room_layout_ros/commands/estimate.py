@@ -34,6 +34,7 @@ from room_layout_ros.commands.estimate_frame import (
     parse_settings,
 )
 from room_layout_ros.commands.interrupts import interrupts_between_items
+from room_layout_ros.commands.models_folder import add_models_argument, usable_models
 from room_layout_ros.commands.output_folder import held_alone, make_folder, refuse_frames, remove_files
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_recover_argument, add_topic_arguments, open_with_topics
@@ -62,6 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="set a parameter of the estimator (repeatable)"
     )
+    add_models_argument(parser)
     add_recover_argument(parser)
     add_topic_arguments(parser)
 
@@ -69,7 +71,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Estimate every frame of the input."""
     config = parse_settings(arguments.set, arguments.rgb_only, joint_bound=True)  # nobody waits: it may be proved, too
-    job = FrameJob(config, arguments.rgb_only, arguments.overlay)
+    models = usable_models(arguments.models, config)
+    job = FrameJob(config, arguments.rgb_only, arguments.overlay, models)
     source = open_with_topics(arguments.input, arguments, arguments.recover)
     refuse_frames("--out", arguments.out, arguments.input)
     with held_alone("--out", arguments.out):

@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -26,11 +27,12 @@ from room_layout_ros.node_config import NodeConfig
 
 @dataclass(frozen=True, slots=True)
 class FrameJob:
-    """What to do with every frame."""
+    """What to do with every frame. `models` : folder of the learned models; None are the shipped ones."""
 
     config: EstimatorConfig
     rgb_only: bool = False
     overlay: bool = False
+    models: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +117,7 @@ def estimate_item(job: FrameJob, item: Sample | BadFrame) -> FrameResult:
     frame = item.frame
     try:
         frame = prepared(frame, job.rgb_only)
-        estimator, start = _estimator(job.config), time.perf_counter()
+        estimator, start = _estimator(job.config, job.models), time.perf_counter()
         estimate = estimator.estimate(frame)
         milliseconds = 1e3 * (time.perf_counter() - start)
         return FrameResult(_line(frame.name, estimate, milliseconds), _files(job, frame, estimate))
@@ -131,9 +133,9 @@ def lost_result(item: Sample | BadFrame) -> FrameResult:
 
 
 @lru_cache(maxsize=1)
-def _estimator(config: EstimatorConfig) -> LayoutEstimator:
+def _estimator(config: EstimatorConfig, models: Path | None) -> LayoutEstimator:
     cv2.setNumThreads(1)  # processes are the parallelism here; OpenCV's threads would only fight over the cores
-    return LayoutEstimator(config)
+    return LayoutEstimator(config, models)
 
 
 def _error_result(name: str, error: str) -> FrameResult:

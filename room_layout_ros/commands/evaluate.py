@@ -21,6 +21,7 @@ from pathlib import Path
 from room_layout_ros.commands.counts import add_work_arguments
 from room_layout_ros.commands.estimate_frame import parse_settings
 from room_layout_ros.commands.evaluate_input import add_input_arguments, choose_frames, open_input
+from room_layout_ros.commands.models_folder import add_models_argument, usable_models
 from room_layout_ros.commands.output_folder import make_folder
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.core.config import EstimatorConfig
@@ -64,6 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="our errors by C, written by room-layout train (default: c_curve.json beside the models, if there)",
     )
+    add_models_argument(parser)
     parser.add_argument("--no-report", action="store_true", help="leave report.html out (it needs the extra viz)")
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="set a parameter of the estimator (repeatable)"
@@ -74,8 +76,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Score every frame with truth by every method and print the table."""
     if _wants_report(arguments) and importlib.util.find_spec("matplotlib") is None:
         raise DataError(f"report.html needs matplotlib: {install_hint('viz')}, or give --no-report")
-    if arguments.estimates is not None and (arguments.rgb_only or arguments.set):
-        ignored = "--rgb-only" if arguments.rgb_only else "--set"
+    asked = {"--rgb-only": arguments.rgb_only, "--set": arguments.set, "--models": arguments.models}
+    if arguments.estimates is not None and any(asked.values()):
+        ignored = next(option for option, value in asked.items() if value)
         raise DataError(f"--estimates {arguments.estimates} is scored as it was written; {ignored} cannot change it")
     source, curve = open_input(arguments), _curve(arguments)
     if arguments.out is not None:
@@ -115,10 +118,10 @@ def _wants_report(arguments: argparse.Namespace) -> bool:
 def _curve(arguments: argparse.Namespace) -> CCurve | None:
     if not _wants_report(arguments):
         return None
-    shipped: Path = config_folder() / C_CURVE_FILE
-    if arguments.curve is None and not shipped.exists():
+    beside: Path = (arguments.models or config_folder()) / C_CURVE_FILE
+    if arguments.curve is None and not beside.exists():
         return None
-    return read_c_curve(shipped if arguments.curve is None else arguments.curve)
+    return read_c_curve(beside if arguments.curve is None else arguments.curve)
 
 
 def _superpixel_config(arguments: argparse.Namespace) -> EstimatorConfig | None:
@@ -159,13 +162,14 @@ def _ours(arguments: argparse.Namespace, source: FrameSource, has_depth: bool, h
     config = parse_settings(arguments.set, arguments.rgb_only)
     if arguments.rgb_only and not has_color:
         raise DataError(f"{source.title} has no colour, and --rgb-only leaves the depth unused")
+    models = usable_models(arguments.models, config)
     methods: dict[str, Method] = {}
     if not arguments.rgb_only and has_depth:
-        methods["ours, RGB-D"] = EstimatorMethod(config)
+        methods["ours, RGB-D"] = EstimatorMethod(config, models=models)
     elif not arguments.rgb_only:
         print(f"{source.title} has no depth: our estimator with depth is left out", file=sys.stderr)
     if config.use_color and has_color:
-        methods["ours, RGB"] = EstimatorMethod(config, rgb_only=True)
+        methods["ours, RGB"] = EstimatorMethod(config, rgb_only=True, models=models)
     elif config.use_color:
         print(f"{source.title} has no colour: our estimator without depth is left out", file=sys.stderr)
     return methods

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from time import perf_counter
 
 import cv2
@@ -30,10 +31,14 @@ _WARM: set[EstimatorMethod] = set()
 
 @dataclass(frozen=True, slots=True)
 class EstimatorMethod:
-    """Our estimator as a method; `rgb_only` leaves the depth unused."""
+    """Our estimator as a method.
+
+    `rgb_only` leaves the depth unused; `models` : folder of the learned models, None are the shipped ones.
+    """
 
     config: EstimatorConfig
     rgb_only: bool = False
+    models: Path | None = None
 
     def __call__(self, sample: Sample) -> Prediction:
         """Estimate the frame by itself, without memory of others.
@@ -46,7 +51,7 @@ class EstimatorMethod:
         if self.rgb_only and sample.frame.color is None:
             raise DataError(f"frame {sample.name} has no colour, and an estimate by colour alone is asked for")
         frame = sample.frame.without_depth() if self.rgb_only else sample.frame
-        estimate_frame = _make(self.config).estimate
+        estimate_frame = _make(self.config, self.models).estimate
         if self not in _WARM:  # the first call of a process compiles or loads the kernels: no time of a frame
             estimate_frame(frame)
             _WARM.add(self)
@@ -110,7 +115,7 @@ def compare(job: CompareJob, sample: Sample) -> ComparedFrame:
 def _evidence(method: EstimatorMethod, sample: Sample) -> list[tuple[str, pictures.Image]]:
     """Return the first columns of the paper's Figure 5: orientation map and geometric context."""
     frame = sample.frame.without_depth() if method.rgb_only else sample.frame
-    look = look_at(frame, _make(method.config))
+    look = look_at(frame, _make(method.config, method.models))
     drawn = [
         (name, draw_stage(stage, look)) for name, stage in (("orientation map", "orientation"), ("context", "context"))
     ]
@@ -141,6 +146,6 @@ def _picture(
 
 
 @lru_cache(maxsize=2)
-def _make(config: EstimatorConfig) -> LayoutEstimator:
+def _make(config: EstimatorConfig, models: Path | None) -> LayoutEstimator:
     cv2.setNumThreads(1)
-    return LayoutEstimator(config)
+    return LayoutEstimator(config, models)
