@@ -31,7 +31,7 @@ from room_layout_ros.core.evidence.geometric_context import load_context
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.furniture import load_furniture
 from room_layout_ros.core.models import config_folder
-from room_layout_ros.core.weights import load_weights, start_weights
+from room_layout_ros.core.weights import BLOCKS, PAPER_BLOCKS, load_weights, start_weights
 from room_layout_ros.datasets import FramesFolder, Sample, good_samples, open_folder
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.evaluation.c_curve import C_CURVE_FILE, read_c_curve
@@ -178,6 +178,39 @@ def test_the_models_are_learned_and_say_where_they_come_from(trained: Path, fram
         assert 20 < fold["mean_iou"] <= 100
     rows = json.loads((trained / "training_rgbd_plain.json").read_text())["history"]
     assert [row["round"] for row in rows] == [1, 2]
+
+
+def test_the_usual_variant_and_start_are_those_without_options(
+    trained: Path, frames: FramesFolder, fits: Path, tmp_path: Path
+) -> None:
+    assert train(frames, fits, tmp_path, "--variant", "full", "--start", "hand") == 0
+    assert bytes_of(tmp_path) == bytes_of(trained)
+    assert not {"variant", "start"} & set(load_weights(trained / MODELS[2]).card)
+
+
+def test_the_papers_model_is_learned_as_the_paper_has_it(
+    trained: Path, frames: FramesFolder, fits: Path, tmp_path: Path
+) -> None:
+    """Only its own blocks, and around 0: no weight is there that was set by hand."""
+    assert train(frames, fits, tmp_path, "--variant", "paper", "--start", "zero", "--validate", "0") == 0
+    joint, usual = load_weights(tmp_path / MODELS[2]), load_weights(trained / MODELS[2])
+    for block in BLOCKS:
+        assert joint.block(block).any() == (block in PAPER_BLOCKS), block
+    assert (joint.card["variant"], joint.card["start"]) == ("paper", "zero")
+    hand = start_weights().variant("paper").vector
+    untouched = (hand != 0) & (usual.variant("paper").vector == hand)
+    assert untouched.any(), "weights that the frames do not speak about stay at the centre"
+    assert (joint.vector[untouched] == 0).any(), "here the centre is 0"
+    assert not (joint.vector[hand != 0] == hand[hand != 0]).any(), "and no weight is one that was set by hand"
+
+
+def test_a_variant_that_asks_no_network_is_not_learned_with_one(
+    frames: FramesFolder, fits: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert train(frames, fits, tmp_path / "out", "--variant", "paper", "--scene", "nets") == 2
+    said = capsys.readouterr().err
+    assert said == "room-layout: --variant paper asks no network, and --scene nets is given; drop one\n"
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_estimator_works_with_them(trained: Path, frames: FramesFolder) -> None:

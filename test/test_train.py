@@ -141,6 +141,18 @@ def test_learning_betters_the_losses_and_repeats_to_the_number(algorithm: str, r
     assert after < 0.4 * before
 
 
+def test_a_variant_without_context_learns_from_examples_that_do_not_see_it() -> None:
+    d, config = description(2), replace(CONFIG, joint_variant="om_only")
+    first, second = (build_example(d, doubtful_context(d, np.random.default_rng(s)), config) for s in (1, 2))
+    assert first is not None
+    assert second is not None
+    for one, other in zip(first.problems, second.problems, strict=True):
+        assert np.ptp(one.label_gc) == 0.0
+        assert one.profiles is not None
+        assert other.profiles is not None
+        np.testing.assert_array_equal(one.profiles.support, other.profiles.support)
+
+
 def test_frames_without_depth_make_examples_too() -> None:
     d = description(3, use_depth=False)
     found = build_example(d, doubtful_context(d, np.random.default_rng(3)), replace(CONFIG, use_depth=False))

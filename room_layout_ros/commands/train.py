@@ -7,6 +7,8 @@ DIR gets:
   training_rgbd.json  settings, progress and cross-validated losses
   work/               examples and checkpoints: the same command goes on where it was stopped; may be deleted then
 With --rgb-only the files end in _rgb, without --scene in _plain. Copy them into config/ to make them the default.
+With --variant the weights of the other blocks are 0 and nothing else is learned around them; estimate so learned models
+with --set joint_variant=NAME. --start zero learns without weights set by hand, as the paper (Eq. 2).
 With --c-curve DIR gets c_curve.json alone: errors on one half of the frames after learning on the other, for each C.
 """
 
@@ -20,15 +22,17 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from room_layout_ros.commands.counts import add_work_arguments, count, whole
 from room_layout_ros.commands.evaluate import subset_names
 from room_layout_ros.commands.output_folder import held_alone
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import open_and_tell
-from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.config import EstimatorConfig, parameters
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.models import model_file
-from room_layout_ros.core.weights import ModelWeights, save_weights, start_weights
+from room_layout_ros.core.weights import N_FEATURES, ModelWeights, save_weights, start_weights, uses
 from room_layout_ros.datasets import DataError, FramesFolder
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.evaluation.c_curve import C_CURVE_FILE, CPoint, update_c_curve
@@ -51,6 +55,13 @@ from room_layout_ros.learning.train_run import (
 )
 from room_layout_ros.parallel import open_workers
 
+STARTS = {"hand": start_weights, "zero": lambda: ModelWeights(np.zeros(N_FEATURES))}
+"""The weights that learning stays near, and begins at."""
+
+
+def _variants() -> tuple[str, ...]:
+    return next(parameter.choices for parameter in parameters() if parameter.name == "joint_variant")
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `train`."""
@@ -60,6 +71,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--fits", type=Path, metavar="DIR", help="output of room-layout fit (default: fit now)")
     add("--scene", type=Path, metavar="DIR", help="output of room-layout scene (default: learn without the network)")
     add("--rgb-only", action="store_true", help="learn the models for use without depth")
+    add("--variant", choices=_variants(), default="full", help="learn with the blocks of this variant of the model")
+    add(
+        "--start",
+        choices=tuple(STARTS),
+        default="hand",
+        help="centre of the regulariser: weights set by hand, or 0 as in the paper (default %(default)s)",
+    )
     add("--hold-out", metavar="SUBSET", help="list of splits.json, file or names of frames never to learn from")
     add("--frames", type=count, metavar="N", help="learn from at most so many frames, evenly spread")
     add("--c", type=float, default=200.0, metavar="C", help="weight of the slack (default %(default)s)")
@@ -103,6 +121,10 @@ def _settings(arguments: argparse.Namespace) -> ContextSettings:
 
 def run(arguments: argparse.Namespace) -> int:
     """Train and write the models."""
+    if arguments.scene is not None and not uses(arguments.variant, "layout_scene"):
+        raise DataError(
+            f"--variant {arguments.variant} asks no network, and --scene {arguments.scene} is given; drop one"
+        )
     svm = SvmConfig(arguments.c, arguments.epsilon, arguments.rounds)
     source = open_and_tell(arguments.input)
     if not isinstance(source, FramesFolder):
@@ -110,7 +132,11 @@ def run(arguments: argparse.Namespace) -> int:
     held_out = subset_names(source, arguments.hold_out, "--hold-out")
     context = _settings(arguments)
     config = train.TrainConfig(svm=svm, folds=arguments.folds, algorithm=arguments.algorithm, context=context)
-    estimator = EstimatorConfig(use_depth=not arguments.rgb_only, scene_network=arguments.scene is not None)
+    estimator = EstimatorConfig(
+        use_depth=not arguments.rgb_only,
+        scene_network=arguments.scene is not None,
+        joint_variant=arguments.variant,
+    )
     networks = None if arguments.scene is None else read_folds(arguments.scene.absolute())
     store = ExampleStore((arguments.out / "work" / "examples").absolute())
     with held_alone("--out", arguments.out), open_workers(arguments.jobs, arguments.scheduler) as spread:
@@ -141,6 +167,7 @@ class _Run:
             "last": examples[-1].name if examples else "",
             "held_out": list(held_out),
             "depth": self.place.config.use_depth,
+            **{name: value for name, value in self.unusual().items() if value},
             **origin(),
         }
         facts["cross_validation"] = self.cross_validate(examples)
@@ -208,8 +235,14 @@ class _Run:
             _say(f"{what}: starts anew; {folder} has checkpoints of other examples or settings only")
         return folder / name
 
+    def unusual(self) -> dict[str, str]:
+        """Return the variant and the start of the weights for their card, empty where they are the usual ones."""
+        variant, start = self.arguments.variant, self.arguments.start
+        return {"variant": "" if variant == "full" else variant, "start": "" if start == "hand" else start}
+
     def start(self) -> ModelWeights:
-        weights = start_weights().variant("full" if self.place.config.use_depth else "rgb")
+        weights = STARTS[self.arguments.start]().variant(self.arguments.variant)
+        weights = weights.variant("full" if self.place.config.use_depth else "rgb")
         return weights if self.place.networks is not None else weights.variant("no_scene")
 
     def halves(self, examples: list[ExampleRef], folds: int) -> list[tuple[list[ExampleRef], list[ExampleRef]]]:

@@ -19,6 +19,7 @@ from ..core.layout import RoomCuboid
 from ..core.layout_search import Layout, search_layout
 from ..core.observation import Observation, no_scene, observe
 from ..core.room_axes import angle_between_axes
+from ..core.weights import uses
 from .losses import JointLoss, joint_loss, loss_costs
 from .scene_folds import SceneFolds
 from .superpixel_truth import class_histogram, label_histogram, translate_faces, true_labels
@@ -104,14 +105,16 @@ def build_example(
     ----------
     description : FrameDescription
     context : (K, 6) float64
-        Geometric context under the first naming, from a classifier that has not seen the frame.
+        Geometric context under the first naming, from a classifier that has not seen the frame. A variant of the model
+        without it does not see it; it only says what unlabelled superpixels are.
     config : EstimatorConfig
     hypotheses : int
         Namings of the axes to offer.
     """
     d, seen = description, description.seen
+    seen_context = context if uses(config.joint_variant, "layout_gc") else None
     evidence = gather_hypotheses(
-        *(seen.superpixels, seen.axes, d.camera, context),
+        *(seen.superpixels, seen.axes, d.camera, seen_context),
         *(seen.orientation, seen.scene, seen.geometry is not None, hypotheses),
     )
     true_layout = d.cuboid.raster(d.camera)
