@@ -270,6 +270,14 @@ def test_superpixels_have_what_is_known_of_them() -> None:
     assert np.isnan(without[:, learned.columns(DEPTH)]).all()
 
 
+def test_of_a_picture_smaller_than_a_patch_and_of_no_clutter_nothing_is_known() -> None:
+    tiny = compute_superpixels(picture()[:12, :12], None, EstimatorConfig(superpixel_count=16))
+    assert np.isnan(describe_superpixels(picture()[:12, :12], None, tiny, np.ones(tiny.count, bool), model())).all()
+    none = np.zeros(segments().count, bool)
+    geometry = DepthGeometry(CAMERA, inverse_depth(), 1.0)
+    assert np.isnan(describe_superpixels(picture(), geometry, segments(), none, model())).all()
+
+
 def test_bad_bases_are_refused_in_a_sentence() -> None:
     basis = compact_basis(np.eye(3), 1.0, 2)
     with pytest.raises(ValueError, match="both must be 2-D"):

@@ -173,6 +173,15 @@ def test_the_option_says_which_file_it_misses(tmp_path: Path) -> None:
         EstimatorConfig(furniture_features="deep")
 
 
+def test_the_shipped_model_is_small_and_says_how_good_it_was() -> None:
+    path = config_folder() / KERNEL_FURNITURE_FILE
+    assert path.stat().st_size < 2 << 20
+    card = load_kernel_furniture(path).card
+    assert len(card["held_out"]) == 37
+    assert card["margin"] == 5
+    assert {name: len(rows) > 0 for name, rows in card["cross_validation"].items()} == dict.fromkeys(SETS, True)
+
+
 QUICK = KernelSettings(
     words=WordSettings(words=6, components=4, patches=40), degraded_every=3, C=(10.0,), balance=(0.5,), scale=(1.0,),
     other=(0.0,), folds=2, passes=10,

@@ -2,7 +2,7 @@
 
 FILE gets visual words and linear classifiers for superpixels with colour and depth, with colour alone and with depth
 alone, chosen by cross-validation over blocks of frames. Copy it into config/ as furniture_kernels.npz to make it the
-default. The forest of furniture_features: context is learned by `room-layout train`. 800 frames take some 25 minutes of
+default. The forest of furniture_features: context is learned by `room-layout train`. 800 frames take some 10 minutes of
 one core.
 """
 

@@ -1,7 +1,8 @@
 """Furniture: the class of each clutter superpixel (paper 4; docs/evidence.md).
 
-The paper pools six kernel descriptors; here a boosted forest reads the features that the geometric context already
-has: height over the floor, size of the plane, what stands out from what, colour and texture.
+The paper pools six kernel descriptors, which `kernel_furniture.py` does as an option. Here a boosted forest reads the
+features that the geometric context already has: height over the floor, size of the plane, what stands out from what,
+colour and texture.
 """
 
 from __future__ import annotations

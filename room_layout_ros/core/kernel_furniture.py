@@ -1,7 +1,7 @@
 """Furniture by kernel descriptors and a linear classifier, the paper's own way (paper 4, Table 5; docs/evidence.md).
 
-An option beside `furniture.py` (parameter `furniture_features`), less accurate than it. One model serves all ways of
-operation: it has a classifier for superpixels with colour and depth, one for colour alone, one for depth alone.
+An option beside `furniture.py` (parameter `furniture_features`), as accurate and far slower. One model serves all ways
+of operation: it has a classifier for superpixels with colour and depth, one for colour alone, one for depth alone.
 """
 
 from __future__ import annotations

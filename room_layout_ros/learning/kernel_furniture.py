@@ -51,9 +51,9 @@ class KernelSettings:
     words: WordSettings = field(default_factory=WordSettings)
     word_frames: int = 100
     degraded_every: int = 6
-    C: tuple[float, ...] = (100.0, 300.0)
-    balance: tuple[float, ...] = (0.5, 0.75)
-    scale: tuple[float, ...] = (1.0, 2.0, 4.0)
+    C: tuple[float, ...] = (30.0, 100.0, 300.0)
+    balance: tuple[float, ...] = (0.25, 0.5, 0.75)
+    scale: tuple[float, ...] = (1.0, 2.0, 4.0, 8.0)
     other: tuple[float, ...] = (-1.0, -0.5, 0.0, 0.5)
     folds: int = 3
     passes: int = 80

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .match_kernels import CompactBasis, Floats, MatchKernel
+from .match_kernels import CompactBasis, Floats, MatchKernel, binary_patterns
 
 PATCH_PX, STEP_PX = 16, 8
 """Side of a patch, and distance between neighbours, both ways."""
@@ -48,7 +48,7 @@ def compute_color_descriptors(
     direction, magnitude = gradient_samples(gray)
     codes, contrast = pattern_samples(gray)
     pattern = kernels["pattern"]
-    table = pattern.attribute.embed(((np.arange(256)[:, None] >> np.arange(8)) & 1).astype(np.float32))
+    table = pattern.attribute.embed(binary_patterns())
     coarse = _reduced(color, _COARSE_PX)
     even = np.ones(coarse.shape[:2], np.float32)
     return {

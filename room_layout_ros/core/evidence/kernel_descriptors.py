@@ -68,7 +68,7 @@ def describe_patches(
     centers: NDArray[np.int32],
     kernels: dict[str, MatchKernel],
 ) -> dict[str, Floats]:
-    """Describe patches by what there is: (P, D) float32 by name, rows of NaN where a patch has no depth.
+    """Describe patches by what there is: (P, D) float32 by name, rows of NaN where a patch has no depth; none of none.
 
     Parameters
     ----------
@@ -76,6 +76,8 @@ def describe_patches(
     centers : (P, 2) int32 of `color_patches.patch_centers`.
     """
     found: dict[str, Floats] = {}
+    if len(centers) == 0:
+        return found
     if color is not None:
         found |= compute_color_descriptors(color, centers, kernels)
     if geometry is not None:
