@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import shutil
 from pathlib import Path
 
@@ -63,6 +65,19 @@ def test_a_folder_that_cannot_be_made_ends_it_before_anything_is_estimated(
     (tmp_path / "file").touch()
     assert calibrate(rooms, tmp_path / "file") == 2
     assert "file is a file; --out needs a folder" in capsys.readouterr().err
+
+
+def test_a_full_disk_is_told_with_the_folder(
+    rooms: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_room(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(calibrate_command, "map_ordered", lambda *_: [])
+    monkeypatch.setattr(calibrate_command, "fit_confidence", lambda *_: None)
+    monkeypatch.setattr(calibrate_command, "save_confidence", no_room)
+    assert calibrate(rooms, tmp_path / "out", "--plain") == 2
+    assert capsys.readouterr().err == f"room-layout: {tmp_path / 'out'} cannot be written: No space left on device\n"
 
 
 def test_frames_that_cannot_be_used_are_counted(

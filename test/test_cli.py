@@ -188,6 +188,28 @@ def test_convert_names_the_frames_it_leaves_out(
     assert "2 frames written" in told
 
 
+LIMITED = """
+import resource, sys
+from room_layout_ros.cli import main
+limit = int(sys.argv[1])
+resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+sys.exit(main(sys.argv[2:]))
+"""
+"""The command, to which the system refuses files of more bytes than its first word says: as a full disk does."""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit on the size of files")
+@pytest.mark.parametrize(("storage", "limit"), [("mcap", 20_000), ("sqlite3", 20_000), ("sqlite3", 50_000)])
+def test_a_bag_that_the_disk_does_not_hold_is_named(storage: str, limit: int, folder: Path, tmp_path: Path) -> None:
+    pytest.importorskip("rosbags", reason="rosbags is not installed (extra playback)")
+    bag = tmp_path / "bag"
+    words = [str(limit), "convert", str(folder), str(bag), "--storage", storage]
+    done = subprocess.run([sys.executable, "-c", LIMITED, *words], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith(f"room-layout: {bag} cannot be written: ")
+    assert "Traceback" not in done.stderr
+
+
 def test_render_writes_what_the_source_renders(tmp_path: Path) -> None:
     from room_layout_ros.datasets.synthetic import SyntheticSource
 

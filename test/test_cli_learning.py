@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import os
 import shutil
@@ -24,6 +25,7 @@ pytest.importorskip("joblib", reason="joblib is in the extra train")
 from frames_on_disk import write_folder
 
 from room_layout_ros.cli import main as room_layout
+from room_layout_ros.commands import train as train_command
 from room_layout_ros.commands.output_folder import held_alone
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
@@ -130,6 +132,24 @@ def test_a_fit_of_no_frame_says_why_and_fails(
     said = capsys.readouterr().err
     assert "2 files in" in said, "what is not read is told"
     assert "none of 2 frames could be fitted; the first is 0010: it has no class labels (labels40/NAME.png)" in said
+
+
+def no_room(*_: object) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_full_disk_is_told_with_the_folder_of_the_training(
+    frames: FramesFolder, fits: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, lost = tmp_path / "out", tmp_path / "lost"
+    for describe, said in (
+        (no_room, f"room-layout: {out} cannot be written: No space left on device"),
+        (lambda *_: lost.read_bytes(), f"room-layout: {lost}: No such file or directory"),
+    ):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(train_command, "describe_frames", describe)
+            assert train(frames, fits, out) == 2
+        assert capsys.readouterr().err.splitlines()[-1] == said
 
 
 def test_a_training_into_a_folder_where_another_one_writes_is_refused(

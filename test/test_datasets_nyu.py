@@ -52,14 +52,16 @@ def test_894_classes_become_40_by_the_mapping_given(tmp_path: Path, rng: np.rand
     np.testing.assert_array_equal(sample.truth.labels40, mapping[truth["labels"][0]])
 
 
+@pytest.mark.parametrize("name", ["nyu.mat", "NYU.MAT"])
 def test_convert_makes_a_folder_to_learn_from_with_the_mapping(
-    tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
+    name: str, tmp_path: Path, rng: np.random.Generator, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    truth = write_nyu(tmp_path / "nyu.mat", rng, 2)
+    truth = write_nyu(tmp_path / name, rng, 2)
     mapping = rng.integers(1, 41, (1, 894))
     write_mat(tmp_path / "map.mat", {"mapClass": mapping}, "5")
     words = ["--to", "folder", "--classes40", str(tmp_path / "map.mat")]
-    assert main(["convert", str(tmp_path / "nyu.mat"), str(tmp_path / "made"), *words]) == 0
+    assert open_source(tmp_path / name).title == f"NYU v2 file {tmp_path / name}"
+    assert main(["convert", str(tmp_path / name), str(tmp_path / "made"), *words]) == 0
     for i, sample in enumerate(good_samples(open_source(tmp_path / "made"))):
         assert sample.truth is not None
         np.testing.assert_array_equal(sample.truth.labels40, np.append(0, mapping)[truth["labels"][i]])

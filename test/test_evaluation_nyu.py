@@ -78,6 +78,16 @@ def test_errors_are_exactly_those_that_were_made(files: Path, tmp_path: Path) ->
     assert scores["labelling_error"] == 0
 
 
+def test_files_may_be_named_in_capitals(files: Path, tmp_path: Path) -> None:
+    loud = tmp_path / "loud"
+    loud.mkdir()
+    for name in ("nyu", "layouts", "split", "classMapping40"):
+        (loud / f"{name}.MAT").symlink_to(files / f"{name}.mat")
+    words = [word.replace(".mat", ".MAT").format(files=loud) for word in LAYOUTS]
+    command = ["evaluate", str(loud / "nyu.MAT"), "--estimates", str(files / "estimates"), "--baseline", "none"]
+    assert room_layout([*command, *words]) == 0
+
+
 def test_wrong_labels_count_over_the_labelled_pixels(files: Path, tmp_path: Path) -> None:
     mapping = np.full((1, 894), 40, np.uint8)
     mapping[0, TABLE_894 - 1] = 1  # the table passes for a wall, so all that is called clutter is wrong and reversed

@@ -15,7 +15,7 @@ import cv2
 
 from room_layout_ros.commands.counts import count
 from room_layout_ros.commands.evaluate import subset_names
-from room_layout_ros.commands.output_folder import make_folder
+from room_layout_ros.commands.output_folder import make_folder, named_when_full
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import open_and_tell
 from room_layout_ros.core.confidence import save_confidence
@@ -77,7 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
         **origin(),
     }
     path = arguments.out / model_file("confidence", not arguments.rgb_only, not arguments.plain)
-    save_confidence(fit_confidence(judged, card), path)
+    with named_when_full(arguments.out):
+        save_confidence(fit_confidence(judged, card), path)
     print(f"{path} from {len(judged)} frames", file=sys.stderr)
     return 0
 

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 from room_layout_ros.commands.counts import whole
+from room_layout_ros.commands.output_folder import named_when_full
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_recover_argument, add_topic_arguments, open_with_topics
 from room_layout_ros.datasets import DataError, FrameSource
@@ -18,6 +19,7 @@ from room_layout_ros.datasets.bag import BagSource
 from room_layout_ros.datasets.convert import Conversion, calibration_of, copy_frames
 from room_layout_ros.datasets.nyu import open_nyu
 from room_layout_ros.datasets.nyu_truth import read_class_map
+from room_layout_ros.datasets.source import is_mat
 from room_layout_ros.datasets.writers import STORAGES, BagWriter, FolderWriter
 
 MAX_NAMED = 5
@@ -59,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _open(arguments: argparse.Namespace) -> FrameSource:
     if arguments.classes40 is None:
         return open_with_topics(arguments.input, arguments, arguments.recover)
-    if arguments.input.suffix != ".mat":
+    if not is_mat(arguments.input):
         raise DataError(f"--classes40 {arguments.classes40} is for an NYU .mat; {arguments.input} is none")
     return open_nyu(arguments.input, class_map=read_class_map(arguments.classes40))
 
@@ -85,7 +87,7 @@ def write_frames(
         writer = BagWriter(output, calibration, arguments.storage or DEFAULT_STORAGE)
     else:
         writer = FolderWriter(output, calibration, arguments.jpeg)
-    with progress_bar("write", source.length) as progress:
+    with named_when_full(output), progress_bar("write", source.length) as progress:
         done = copy_frames(source, writer, progress, recover)
     if isinstance(writer, FolderWriter) and writer.rounded:
         print(f"depth of {writer.rounded} frames was finer than a millimetre and is rounded", file=sys.stderr)

@@ -16,6 +16,7 @@ from room_layout_ros.datasets import DataError, FramesFolder, FrameSource
 from room_layout_ros.datasets.frame_names import find_name
 from room_layout_ros.datasets.nyu import NyuSource, open_nyu
 from room_layout_ros.datasets.nyu_truth import read_class_map, read_layouts
+from room_layout_ros.datasets.source import is_mat
 from room_layout_ros.datasets.synthetic import KINDS, NOISES, SyntheticSource
 from room_layout_ros.evaluation.fitted_truth import FittedSource
 from room_layout_ros.learning.fit_frame import read_fits
@@ -77,7 +78,7 @@ def _open(arguments: argparse.Namespace) -> FrameSource:
     if arguments.rendered is not None and arguments.input is not None:
         raise DataError(f"either INPUT or --rendered N is needed; both were given: {arguments.input} and --rendered")
     apart = arguments.layouts is not None or arguments.classes40 is not None or arguments.face_ids is not None
-    if apart and (arguments.input is None or arguments.input.suffix != ".mat"):
+    if apart and (arguments.input is None or not is_mat(arguments.input)):
         raise DataError("--layouts, --face-ids and --classes40 go with an NYU v2 .mat file only")
     if arguments.face_ids is not None and arguments.layouts is None:
         raise DataError("--face-ids says how to read --layouts; give that too")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from collections.abc import Iterable, Iterator
@@ -10,6 +11,8 @@ from pathlib import Path
 
 from room_layout_ros.datasets import DataError
 from room_layout_ros.datasets.folder import is_frames_folder
+
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def make_folder(option: str, folder: Path) -> None:
@@ -36,9 +39,32 @@ def held_alone(option: str, folder: Path) -> Iterator[None]:
     Raises
     ------
     DataError
-        As `make_folder`, and when another run holds it.
+        As `make_folder` and `named_when_full`, and when another run holds it.
     """
     make_folder(option, folder)
+    with named_when_full(folder), _held(option, folder):
+        yield
+
+
+@contextmanager
+def named_when_full(folder: Path) -> Iterator[None]:
+    """Let a disk that fills up while the block writes say which folder was written: the system does not.
+
+    Raises
+    ------
+    DataError
+        In the place of an error of the system that there is no room.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _NO_ROOM or error.filename is not None:
+            raise
+        raise DataError(f"{folder} cannot be written: {error.strerror}") from None
+
+
+@contextmanager
+def _held(option: str, folder: Path) -> Iterator[None]:
     if sys.platform == "win32":  # a folder cannot be locked there
         yield
         return

@@ -65,7 +65,7 @@ def read_fields(path: Path, names: Collection[str]) -> Fields:
     if not path.is_file():
         raise DataError(f"{path} is missing; a .mat or .npz file is needed")
     try:
-        if path.suffix == ".npz":
+        if path.suffix.lower() == ".npz":
             fields = _from_npz(path, names)
         else:
             fields = _from_hdf5(path, names) if is_hdf5(path) else _from_version_5(path, names)

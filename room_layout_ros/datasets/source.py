@@ -19,6 +19,11 @@ def is_bag(path: Path) -> bool:
     return path.suffix in BAG_SUFFIXES
 
 
+def is_mat(path: Path) -> bool:
+    """Whether a path is named as a MATLAB file, in whatever letters."""
+    return path.suffix.lower() == ".mat"
+
+
 def opens_as_bag(path: Path) -> bool:
     """Whether `open_source` takes a path for a bag: a frames folder is none, whatever else lies in it."""
     return is_bag(path) and not (path.is_dir() and is_frames_folder(path))
@@ -47,7 +52,7 @@ def open_source(path: Path | str, **options: Any) -> FrameSource:
         return open_bag(path, **options)
     if path.is_dir() and is_frames_folder(path):
         return open_folder(path)
-    if path.suffix == ".mat":
+    if is_mat(path):
         from .nyu import open_nyu
 
         return open_nyu(path)

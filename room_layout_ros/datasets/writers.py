@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from contextlib import ExitStack
+import sqlite3
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol
@@ -148,7 +150,8 @@ class BagWriter:
         from rosbags.rosbag2 import StoragePlugin, Writer
 
         plugin = StoragePlugin.MCAP if self.storage == "mcap" else StoragePlugin.SQLITE3
-        self._writer = self._stack.enter_context(Writer(self.path, version=9, storage_plugin=plugin))
+        with self._refusals_named():
+            self._writer = self._stack.enter_context(Writer(self.path, version=9, storage_plugin=plugin))
         return self
 
     def write(self, sample: Sample) -> None:
@@ -179,15 +182,25 @@ class BagWriter:
         self._put(topic, messages.IMAGE, stamp_ns, raw)
 
     def _put(self, topic: str, kind: str, stamp_ns: int, raw: bytes) -> None:
-        if topic not in self._connections:
-            store = messages.typestore()
-            self._connections[topic] = self._writer.add_connection(topic, kind, typestore=store)
-        self._writer.write(self._connections[topic], stamp_ns, raw)
+        with self._refusals_named():
+            if topic not in self._connections:
+                store = messages.typestore()
+                self._connections[topic] = self._writer.add_connection(topic, kind, typestore=store)
+            self._writer.write(self._connections[topic], stamp_ns, raw)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Write the index and the names, or neither."""
-        if kind is None:
-            self._writer.set_custom_data(NAMES_KEY, json.dumps({str(s): n for s, n in self._names.items()}))
-        self._stack.__exit__(kind, error, trace)
+        with self._refusals_named():
+            if kind is None:
+                self._writer.set_custom_data(NAMES_KEY, json.dumps({str(s): n for s, n in self._names.items()}))
+            self._stack.__exit__(kind, error, trace)
+
+    @contextmanager
+    def _refusals_named(self) -> Iterator[None]:
+        """Let what SQLite cannot write, on a full disk, say which bag that is: it is no error of the system."""
+        try:
+            yield
+        except sqlite3.OperationalError as error:
+            raise DataError(f"{self.path} cannot be written: {error}") from None
