@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from scenes import HALF
 
 from room_layout_ros.core import frame_evidence
-from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.config import EstimatorConfig, parameters
 from room_layout_ros.core.estimate import RoomEstimate, Status
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.core.weights import VARIANTS
 from room_layout_ros.datasets import good_samples
 from room_layout_ros.datasets.synthetic import SyntheticSource
 
@@ -59,6 +60,16 @@ def test_evidence_that_a_variant_leaves_out_changes_no_byte(
     spoil(monkeypatch, unread)
     assert same(before, estimator.estimate(seen))
     assert not same(whole, full.estimate(seen)), "the spoilt evidence would be noticed"
+
+
+def test_every_variant_of_the_weights_can_be_chosen_but_that_without_the_network_which_is_another_parameter() -> None:
+    (choices,) = (parameter.choices for parameter in parameters() if parameter.name == "joint_variant")
+    assert set(VARIANTS) - set(choices) == {"no_scene"}
+    assert set(choices) <= set(VARIANTS)
+    models = LayoutEstimator(EstimatorConfig(scene_network=False)).models
+    for way in ((True, False), (False, False)):
+        joint = models[way].joint
+        np.testing.assert_array_equal(joint.variant("no_scene").vector, joint.vector)
 
 
 @pytest.mark.parametrize("variant", ("om_only", "gc_only", "paper"))
