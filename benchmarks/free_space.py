@@ -63,6 +63,7 @@ LEGEND = """IoU: pooled over the row; measured: cells without depth left out; me
 without the margin of 10 cm in the truth; too near: free cells within 10 cm before a thing of 5 cm or more at 1-3 m
 of which something is in the picture; unseen: the same, nothing of it is in the picture;
 middle, low: rooms from a camera at 0.5-0.9 m, and from a wide one at 0.25-0.45 m;
+steep: 20-40 degrees down, Kinect, with free_seen_height_m of 0 and 0.8 m;
 not free %: cells called free where something stands (often what hangs over them, out of the image); plane cm, deg:
 median error of the estimator's planes; ok %: planes within 3 cm and 0.5 deg"""
 
@@ -133,6 +134,10 @@ def main(rooms: int = ROOMS, scenes: int = SCENES, first: int = 0) -> int:
         for noise in NOISES:
             views = random_views(range(first, first + rooms), SEED, noise, mount=MOUNTS[name])
             print(score(estimator, views).line(f"{name}, {noise}"), flush=True)
+    for height_m in (0.0, 0.8):
+        asked = LayoutEstimator(EstimatorConfig(free_seen_height_m=height_m))
+        views = random_views(range(first, first + rooms), SEED, "kinect", mount=MOUNTS["steep"])
+        print(score(asked, views).line(f"steep, {height_m} m"), flush=True)
     for kind in KINDS[1:]:
         views = random_views(range(first, first + max(rooms // 2, 1)), SEED, "kinect", kind)
         print(score(estimator, views).line(f"{kind}, kinect"), flush=True)

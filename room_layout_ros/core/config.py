@@ -155,6 +155,10 @@ class EstimatorConfig:
     )
     obstacle_margin_m: float = _p(0.10, "cells this near before an obstacle are not called free", "m", 0.0, 1.0)
     free_min_seen: float = _p(0.5, "share of a cell's floor that must be seen to call it free", "", 0.05, 1.0)
+    free_seen_height_m: float = _p(
+        0.0, "floor is free only where the picture reaches this high above it (0: not asked; 0.8: above a table's top)",
+        "m", 0.0, 5.0,
+    )  # fmt: skip
     free_by_picture: bool = _p(
         False, "floor without depth may be free within 10 cm of measured floor where the picture shows no outline"
     )

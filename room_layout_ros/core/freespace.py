@@ -33,6 +33,7 @@ from .level_things import hide_below_level_things
 from .low_things import find_low_things
 from .overhang import hide_overhung
 from .scan import RangeScan, cast_scan
+from .seen_space import hide_above_picture
 from .sight_lines import in_line_of_sight
 from .stage_clock import StageClock
 from .thing_surfaces import smooth_things
@@ -176,6 +177,7 @@ def _decide(
     low, doubt = find_low_things(color, cells, levels, thing, config)
     thing |= low
     grid = decide_cells(cells, levels, thing, doubt, seen.fit, seen.barriers, view_fan(camera, T), camera.fx, config)
+    hide_above_picture(grid, camera, T, corner, config.free_seen_height_m)
     hide_overhung(grid, inverse_depth, cells.kind, camera, T, corner, config.robot_height_m, margin)
     hide_below_level_things(grid, inverse_depth, cells.kind, estimate.labels, cells.cell, camera, T, corner)
     return grid, thing

@@ -57,8 +57,9 @@ MOUNTS = {
     "high": Mount(KINECT, (1.1, 1.65), (-18.0, -3.0)),
     "middle": Mount(KINECT, (0.5, 0.9), (-20.0, -3.0)),
     "low": Mount(CameraIntrinsics(848, 480, 424.0, 424.0, 423.5, 239.5), (0.25, 0.45), (-8.0, 4.0)),
+    "steep": Mount(KINECT, (1.1, 1.65), (-40.0, -20.0)),
 }
-"""Held by hand or on a tall robot; at the height of table tops; wide, on a vacuum cleaner."""
+"""Held by hand or on a tall robot; at the height of table tops; wide, on a vacuum cleaner; looking down steeply."""
 
 _FURNISHED: dict[str, Any] = {"small_objects": 12, "furniture": 0.6}
 _SAMPLES = 5
