@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.freespace import free_space_of_frame
-from room_layout_ros.core.working_size import resize_frame
 from room_layout_ros.datasets import good_samples, open_folder
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import KINECT, NOISES, SyntheticRoom
@@ -27,6 +26,7 @@ from room_layout_ros.evaluation.free_space import (
     true_free_space,
 )
 from room_layout_ros.evaluation.measures import mean_iou, score_pixels
+from room_layout_ros.learning.working_sample import at_working_size
 
 ROOMS, SCENES = 16, 8
 OWN = 0
@@ -103,7 +103,8 @@ def main() -> int:
             row = measure(EstimatorConfig(working_size_px=size), ((None, sample) for sample in samples))
             print(row.line(f"nyuv2, the {len(names)}, at {size}"), flush=True)
         for part in (3, 4):
-            small = [_reduced(sample, part) for sample in samples]
+            reduced = EstimatorConfig(working_size_px=samples[0].frame.camera.width // part)
+            small = [at_working_size(sample, reduced) for sample in samples]
             for size in (OWN, 640):
                 row = measure(EstimatorConfig(working_size_px=size), ((None, sample) for sample in small))
                 title = f"nyuv2 of {small[0].frame.camera.width}x{small[0].frame.camera.height}"
@@ -117,18 +118,6 @@ def main() -> int:
 
 def _said(size: int) -> str:
     return "its own" if size == OWN else str(size)
-
-
-def _reduced(sample: Sample, part: int) -> Sample:
-    """The sample as a camera of fewer pixels would have it."""
-    truth, middle = sample.truth, slice(part // 2, None, part)
-    assert truth is not None
-    assert truth.layout is not None
-    assert truth.labels40 is not None
-    frame = resize_frame(sample.frame, sample.frame.camera.width // part)
-    height, width = frame.camera.height, frame.camera.width
-    layout, classes = (image[middle, middle][:height, :width] for image in (truth.layout, truth.labels40))
-    return replace(sample, frame=frame, truth=replace(truth, layout=layout, labels40=classes))
 
 
 def _rendered(title: str, camera: CameraIntrinsics, size: int, noise: str) -> None:

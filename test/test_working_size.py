@@ -19,6 +19,8 @@ from room_layout_ros.core.picture import draw_overlay
 from room_layout_ros.core.working_size import resize_estimate, resize_frame, restore_estimate, working_factors
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import CLEAN, KINECT, NOISES, camera_pose, random_pose, random_scene, render
+from room_layout_ros.evaluation.stages import look_at
+from room_layout_ros.learning.working_sample import at_working_size
 from room_layout_ros.node_config import NodeConfig
 from room_layout_ros.scene import Scene
 
@@ -267,6 +269,33 @@ def test_a_camera_of_few_pixels_sees_the_room(noise: str) -> None:
 def test_a_working_size_without_cells_is_refused() -> None:
     with pytest.raises(ValueError, match=r"working_size_px is 100 px; allowed are 0 \(no resizing\) and 160 or more"):
         EstimatorConfig(working_size_px=100)
+
+
+@pytest.mark.parametrize(
+    "camera", [replace(HD, width=1283, height=721), CameraIntrinsics(160, 120, 130.0, 130.0, 79.5, 59.5)]
+)
+def test_what_is_learned_is_what_the_estimator_sees(camera: CameraIntrinsics) -> None:
+    sample = furnished(camera, 3)
+    seen = at_working_size(sample, CONFIG)
+    assert seen.frame.camera == resize_frame(sample.frame, 640).camera
+    size = (seen.frame.camera.height, seen.frame.camera.width)
+    assert seen.truth is not None
+    assert seen.truth.layout is not None
+    assert seen.truth.labels40 is not None
+    assert seen.truth.layout.shape == seen.truth.labels40.shape == size
+    assert sample.truth is not None
+    assert sample.truth.cuboid is not None
+    assert (seen.truth.layout != sample.truth.cuboid.raster(seen.frame.camera)).mean() < 0.02
+    estimate = resize_estimate(with_truth(sample), camera, 640)
+    np.testing.assert_array_equal(seen.truth.layout, estimate.layout)
+    usual = furnished(KINECT, 3)
+    assert at_working_size(usual, CONFIG).truth is usual.truth
+
+
+def test_every_stage_of_a_view_has_the_working_size() -> None:
+    look = look_at(furnished(HD, 3).frame, LayoutEstimator())
+    assert look.superpixels is not None
+    assert look.superpixels.index.shape == look.estimate.labels.shape == (360, 640)
 
 
 def test_a_small_frame_is_drawn_larger_and_its_legend_leaves_the_room_to_see() -> None:

@@ -85,20 +85,27 @@ def restore_estimate(estimate: RoomEstimate, camera: CameraIntrinsics, working_s
     return replace(whole, layout=layout, labels=np.where(whole.labels == whole.layout, layout, whole.labels))
 
 
+def resize_labels(image: NDArray[Any], camera: CameraIntrinsics, working_size_px: int) -> NDArray[Any]:
+    """Return an image of labels of a frame of `camera` at the working size."""
+    shrink, grow = working_factors(camera, working_size_px)
+    return _resize_labels(image, _resized_camera(camera, shrink, grow), shrink, grow)
+
+
+def _resize_labels(image: NDArray[Any], camera: CameraIntrinsics, shrink: int, grow: int) -> NDArray[Any]:
+    """One pixel of each block, or a block of each pixel, as many as `camera` has."""
+    rows = np.minimum((np.arange(camera.height) * shrink + shrink // 2) // grow, image.shape[0] - 1)
+    columns = np.minimum((np.arange(camera.width) * shrink + shrink // 2) // grow, image.shape[1] - 1)
+    return np.take(np.take(image, rows, axis=0), columns, axis=1)
+
+
 def _resize(estimate: RoomEstimate, camera: CameraIntrinsics, shrink: int, grow: int) -> RoomEstimate:
-    """The estimate as `camera` sees it: one pixel of each block, or a block of each pixel; polygons cut out anew."""
-
-    def resize(image: NDArray[Any]) -> NDArray[Any]:
-        rows = np.minimum((np.arange(camera.height) * shrink + shrink // 2) // grow, image.shape[0] - 1)
-        columns = np.minimum((np.arange(camera.width) * shrink + shrink // 2) // grow, image.shape[1] - 1)
-        return np.take(np.take(image, rows, axis=0), columns, axis=1)
-
+    """The estimate as `camera` sees it: images resized, polygons cut out anew."""
     return replace(
         estimate,
-        layout=resize(estimate.layout),
-        labels=resize(estimate.labels),
-        furniture=resize(estimate.furniture),
-        superpixels=resize(estimate.superpixels),
+        layout=_resize_labels(estimate.layout, camera, shrink, grow),
+        labels=_resize_labels(estimate.labels, camera, shrink, grow),
+        furniture=_resize_labels(estimate.furniture, camera, shrink, grow),
+        superpixels=_resize_labels(estimate.superpixels, camera, shrink, grow),
         polygons=() if estimate.cuboid is None else estimate.cuboid.polygons(camera),
     )
 

@@ -22,6 +22,7 @@ from room_layout_ros.core.observation import observe
 from room_layout_ros.core.scene_network import SceneScores
 from room_layout_ros.core.superpixels import Superpixels
 from room_layout_ros.core.wall_naming import rename_walls
+from room_layout_ros.core.working_size import resize_frame
 
 from . import pictures
 from .top_down import draw_top_down
@@ -58,7 +59,8 @@ class Look:
 
 
 def look_at(frame: RgbdFrame, estimator: LayoutEstimator) -> Look:
-    """Estimate a frame and gather its evidence, under the first naming of the axes, as the estimator does."""
+    """Estimate a frame and gather its evidence, at the working size, under the first naming of the axes."""
+    frame = resize_frame(frame, estimator.config.working_size_px)
     estimate, config, camera = estimator.estimate(frame), estimator.config, frame.camera
     seen = observe(frame, config, estimator.look)
     if isinstance(seen, Status):

@@ -21,6 +21,7 @@ from .degradation import degrade_depth
 from .folds import SYNTHETIC_FIRST, frame_number
 from .scene_folds import SceneFolds
 from .superpixel_truth import class_histogram, label_histogram, true_labels
+from .working_sample import at_working_size
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +86,7 @@ def collect_table(
     networks : scene networks whose features to add.
     """
     parts: list[tuple[SuperpixelFeatures, NDArray[np.float32], NDArray[np.float32], int, int]] = []
-    for ordinal, sample in enumerate(samples):
+    for ordinal, sample in enumerate(at_working_size(one, config) for one in samples):
         if sample.truth is None or sample.truth.labels40 is None:
             continue
         number = ordinal + SYNTHETIC_FIRST if synthetic else frame_number(sample.name, ordinal)

@@ -21,6 +21,7 @@ from ..core.superpixels import Superpixels, compute_superpixels
 from ..datasets.sample import Sample
 from .degradation import degrade_depth
 from .superpixel_truth import class_histogram
+from .working_sample import at_working_size
 
 _LEAST_PX = 50
 """Labelled pixels of a superpixel that is learned from."""
@@ -53,7 +54,7 @@ def learn_words(samples: Iterable[Sample], settings: WordSettings) -> Descriptor
     """
     kernels, rng = standard_kernels(), np.random.default_rng(settings.seed)
     found: dict[str, list[Floats]] = {name: [] for name in DESCRIPTORS}
-    for sample in samples:
+    for sample in (at_working_size(one, EstimatorConfig()) for one in samples):
         if sample.frame.color is None or sample.truth is None or sample.truth.labels40 is None:
             continue
         centers = patch_centers(*sample.frame.color.shape[:2])
@@ -109,7 +110,7 @@ def collect_rows(
     degraded_every : every how many-th frame comes a second time with degraded depth (`degrade_depth`); 0 for none.
     """
     rows = []
-    for k, sample in enumerate(samples):
+    for k, sample in enumerate(at_working_size(one, config) for one in samples):
         if sample.frame.color is None or sample.truth is None or sample.truth.labels40 is None:
             continue
         rows.append(_frame_rows(sample.frame, sample.truth.labels40, model, config, degraded=False))

@@ -29,6 +29,7 @@ from .joint_oracle import JointOracle, Judged, judge
 from .oracle import Separation, SpreadSeparator, chunks
 from .scene_folds import SceneFolds
 from .train import FrameRows, joint_oracle, rows_of, summary
+from .working_sample import at_working_size
 
 _CHUNK = 16
 """Examples per item of work."""
@@ -111,6 +112,7 @@ def _look(config: EstimatorConfig, networks: SceneFolds | None, task: _Task) -> 
     item = task.frame.read()
     if isinstance(item, BadFrame):
         return item.error
+    item = at_working_size(item, config)
     if item.truth is None or item.truth.labels40 is None:
         return "it has no class labels (labels40/NAME.png)"
     found = describe(item.frame, task.room, item.truth.labels40, config, networks)
