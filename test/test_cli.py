@@ -106,6 +106,12 @@ def test_each_command_explains_itself(command: str, capsys: pytest.CaptureFixtur
         (["convert", "FOLDER", "OUT", "--max-stamp-gap", "1e300"], "'1e300' is given; it must be a number, 0 to 60"),
         (["convert", "FOLDER", "OUT", "--to", "folder", "--jpeg", "0"], "--jpeg: '0' is given; it must be a whole"),
         (["render", "--out", "OUT", "--jpeg", "101"], "--jpeg: '101' is given; it must be a whole number, 1 to 100"),
+        (
+            ["render", "--out", "OUT", "--size", "640"],
+            "--size: '640' is given; it must be WIDTHxHEIGHT, as 1280x720, each 1",
+        ),
+        (["render", "--out", "OUT", "--size", "0x480"], "--size: '0x480' is given; it must be WIDTHxHEIGHT"),
+        (["render", "--out", "OUT", "--fov", "180"], "--fov: '180' is given; it must be a number, 10 to 150"),
         (["render", "--out", "OUT", "--small-objects", "-1"], "--small-objects: '-1' is given; it must be a whole"),
         (["dashboard", "FOLDER", "--seconds", "-2"], "--seconds: '-2' is given; it must be a number, 0 or more"),
         (
@@ -216,6 +222,18 @@ def test_render_writes_what_the_source_renders(tmp_path: Path) -> None:
     assert main(["render", "--out", str(tmp_path / "walk"), "--frames", "2", "--seed", "5", "--to", "bag"]) == 0
     expected = list(good_samples(SyntheticSource(2, 5)))
     assert_same_samples(list(good_samples(open_source(tmp_path / "walk"))), expected)
+
+
+def test_render_takes_any_camera(tmp_path: Path) -> None:
+    words = ["render", "--out", str(tmp_path / "small"), "--frames", "1", "--size", "224x172", "--fov", "90"]
+    assert main(words) == 0
+    (sample,) = good_samples(open_source(tmp_path / "small"))
+    camera = sample.frame.camera
+    assert (camera.width, camera.height) == (224, 172)
+    assert camera.fx == pytest.approx(112.0)
+    assert (camera.cx, camera.cy) == (111.5, 85.5)
+    assert sample.frame.color is not None
+    assert sample.frame.color.shape == (172, 224, 3)
 
 
 def test_an_interrupt_ends_with_130_and_leaves_whole_lines(tmp_path: Path, rng: np.random.Generator) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 
 from room_layout_ros.commands.convert import add_output_arguments, report, write_frames
 from room_layout_ros.commands.counts import count, real, seed, whole
-from room_layout_ros.datasets.synthetic import KINDS, NOISES, SyntheticSource
+from room_layout_ros.core.frame import MAX_SIDE_PX, CameraIntrinsics
+from room_layout_ros.datasets.synthetic import KINDS, KINECT, NOISES, SyntheticSource
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +45,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--small-objects", type=whole(0), default=0, metavar="N", help="things of 3 to 10 cm on the floor"
     )
+    parser.add_argument(
+        "--size", type=_size, default="640x480", metavar="WxH", help="of the images, pixels (default %(default)s)"
+    )
+    parser.add_argument(
+        "--fov", type=real(10, 150), metavar="DEG", help="horizontal field of view; without it that of a Kinect, 62.7"
+    )
     add_output_arguments(parser, "a folder")
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.partition("x")
+    try:
+        return whole(1, MAX_SIDE_PX)(width), whole(1, MAX_SIDE_PX)(height)
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is given; it must be WIDTHxHEIGHT, as 1280x720, each 1 to {MAX_SIDE_PX}"
+        ) from None
+
+
+def camera_of(size: tuple[int, int], fov_deg: float | None) -> CameraIntrinsics:
+    """Return a camera that looks straight ahead; `fov_deg` None has the horizontal field of view of a Kinect."""
+    width, height = size
+    focal = KINECT.fx * width / KINECT.width if fov_deg is None else 0.5 * width / math.tan(math.radians(0.5 * fov_deg))
+    return CameraIntrinsics(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -53,7 +78,8 @@ def run(arguments: argparse.Namespace) -> int:
         "wall_clutter": arguments.wall_clutter,
         "small_objects": arguments.small_objects,
     }
+    camera, walk = camera_of(arguments.size, arguments.fov), not arguments.rooms
     source = SyntheticSource(
-        arguments.frames, arguments.seed, arguments.scene, arguments.noise, not arguments.rooms, options=options
+        arguments.frames, arguments.seed, arguments.scene, arguments.noise, walk, camera, options
     )
     return report(write_frames(source, arguments, "folder", arguments.out), source, arguments.out)
