@@ -79,7 +79,5 @@ def run(arguments: argparse.Namespace) -> int:
         "small_objects": arguments.small_objects,
     }
     camera, walk = camera_of(arguments.size, arguments.fov), not arguments.rooms
-    source = SyntheticSource(
-        arguments.frames, arguments.seed, arguments.scene, arguments.noise, walk, camera, options
-    )
+    source = SyntheticSource(arguments.frames, arguments.seed, arguments.scene, arguments.noise, walk, camera, options)
     return report(write_frames(source, arguments, "folder", arguments.out), source, arguments.out)
