@@ -316,6 +316,9 @@ def test_the_curve_over_c_is_measured_on_the_half_not_learned_from(
         assert 0 <= point.layout < 40
         assert 0 <= point.labelling < 60
         assert 20 < point.mean_iou <= 100
+        assert point.gap is not None
+        assert point.objective is not None
+        assert 0 <= point.gap <= point.objective
     assert not curve.rgb
     ((kind, about),) = curve.about
     assert kind == "rgbd"

@@ -31,6 +31,15 @@ def test_the_file_is_as_documented(tmp_path: Path) -> None:
     assert content == {"rgb": [row], "about": {"rgb": "300 frames"}}
 
 
+def test_how_far_a_point_was_learned_is_kept_beside_it(tmp_path: Path) -> None:
+    points = (CPoint(100, 8.5, 13.0, 77.0, 81.4, 0.9), CPoint(1000, 8.25, 12.75, 77.5))
+    update_c_curve(tmp_path / "c.json", "rgbd", points, "")
+    assert read_c_curve(tmp_path / "c.json").rgbd == points
+    first, second = json.loads((tmp_path / "c.json").read_text())["rgbd"]
+    assert (first["objective"], first["gap"]) == (81.4, 0.9)
+    assert "gap" not in second
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     (
@@ -41,6 +50,8 @@ def test_the_file_is_as_documented(tmp_path: Path) -> None:
         ('{"rgbd": [{"C": 0, "layout": 8, "labelling": 13, "mean_iou": 77}]}', "above 0"),
         ('{"rgbd": [{"C": 1, "layout": 8, "labelling": 130, "mean_iou": 77}]}', "0 to 100"),
         ('{"rgb": [{"C": 1, "layout": NaN, "labelling": 13, "mean_iou": 77}]}', "0 to 100"),
+        ('{"rgb": [{"C": 1, "layout": 8, "labelling": 13, "mean_iou": 77, "gap": -1}]}', "0 or more"),
+        ('{"rgb": [{"C": 1, "layout": 8, "labelling": 13, "mean_iou": 77, "gap": NaN}]}', "0 or more"),
         ('{"rgb": {"100": {"layout": 8}}}', "no curve"),
     ),
 )

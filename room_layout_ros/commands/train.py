@@ -270,7 +270,10 @@ class _Run:
             config = dataclasses.replace(self.config, svm=dataclasses.replace(self.config.svm, C=C))
             result = self.learn(learned, f"C{C:g}", config)
             errors = validate(ModelWeights(result.weights), held, self.place)
-            points.append(CPoint(C, errors["layout"], errors["labelling"], errors["mean_iou"]))
+            last = result.history[-1]
+            known = math.isfinite(last.objective)  # not where a run went on with fewer passes than it had
+            certain = (round(last.objective, 3), round(max(0.0, last.gap), 3)) if known else ()
+            points.append(CPoint(C, errors["layout"], errors["labelling"], errors["mean_iou"], *certain))
             _say(str(points[-1]))
         made = origin()
         about = f"learned on {len(learned)} frames, validated on {len(held)} others; {made['date']}, {made['command']}"

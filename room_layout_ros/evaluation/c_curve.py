@@ -4,7 +4,9 @@
      "rgb":  [{"C": 100, "layout": 21.0, "labelling": 22.4, "mean_iou": 57.0}, ...],
      "about": {"rgbd": "...", "rgb": "..."}}
 
-Percent, cross-validated on frames never trained on. Either list may be missing: both kinds are learned apart.
+Percent, cross-validated on frames never trained on. Either list may be missing: both kinds are learned apart. A point
+may have the `objective` of its learning and the `gap` above the lower bound: where that is wide, the learning was ended
+long before the weights of that C were found.
 """
 
 from __future__ import annotations
@@ -25,18 +27,20 @@ KINDS = ("rgbd", "rgb")
 
 @dataclass(frozen=True, slots=True)
 class CPoint:
-    """Percentages at one C.
+    """Percentages at one C; `objective` and `gap` of its learning, None where they were not written down.
 
     Raises
     ------
     ValueError
-        When C is not above 0 or a percentage is not in 0 to 100.
+        When C is not above 0, a percentage is not in 0 to 100, or objective or gap is below 0.
     """
 
     C: float
     layout: float
     labelling: float
     mean_iou: float
+    objective: float | None = None
+    gap: float | None = None
 
     def __post_init__(self) -> None:
         if not (self.C > 0 and math.isfinite(self.C)):
@@ -44,6 +48,9 @@ class CPoint:
         for name in ("layout", "labelling", "mean_iou"):
             if not 0 <= (value := getattr(self, name)) <= 100:
                 raise ValueError(f"{name} is {value}; percent, 0 to 100, is needed")
+        for name in ("objective", "gap"):
+            if not 0 <= (getattr(self, name) or 0.0) < math.inf:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must be a finite number, 0 or more")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,13 +96,17 @@ def update_c_curve(path: Path, kind: str, points: Iterable[CPoint], about: str) 
     curve = read_c_curve(path) if path.exists() else CCurve()
     notes = tuple(sorted((dict(curve.about) | {kind: about}).items()))
     curve = replace(curve, **{kind: _sorted(points)}, about=notes)
-    rows = {k: [{name: getattr(p, name) for name in CPoint.__slots__} for p in getattr(curve, k)] for k in KINDS}
+    rows = {k: [_row(point) for point in getattr(curve, k)] for k in KINDS}
     content = {**{k: r for k, r in rows.items() if r}, "about": dict(curve.about)}
     write_atomically(path, (json.dumps(content, indent=1) + "\n").encode())
 
 
 def _sorted(points: Iterable[CPoint]) -> tuple[CPoint, ...]:
     return tuple(sorted(points, key=lambda point: point.C))
+
+
+def _row(point: CPoint) -> dict[str, float]:
+    return {name: value for name in CPoint.__slots__ if (value := getattr(point, name)) is not None}
 
 
 def _numbers(row: dict[str, Any]) -> dict[str, float]:
