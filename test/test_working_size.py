@@ -45,7 +45,7 @@ def furnished(camera: CameraIntrinsics, seed: int, noise: str = "kinect") -> Sam
         (1280, 720, 640, (2, 1)), (720, 1280, 640, (2, 1)), (1920, 1080, 640, (3, 1)), (640, 480, 320, (2, 1)),
         (320, 240, 640, (1, 2)), (424, 240, 640, (1, 2)), (224, 172, 640, (1, 3)), (120, 160, 640, (1, 4)),
         (320, 240, 320, (1, 1)), (160, 120, 0, (1, 1)), (8192, 8192, 160, (51, 1)), (1280, 1, 640, (1, 1)),
-        (5000, 3, 640, (3, 1)),
+        (5000, 3, 640, (3, 1)), (99, 75, 640, (1, 1)), (100, 75, 640, (1, 6)),
     ],
 )  # fmt: skip
 def test_the_longer_side_is_about_the_working_size(
@@ -65,14 +65,14 @@ def test_a_frame_of_that_size_is_itself() -> None:
 @pytest.mark.parametrize("step", [2, 3, 5])
 def test_depth_is_as_its_slow_twin_says(step: int) -> None:
     rng = np.random.default_rng(step)
-    depth = (2.0 + rng.normal(0.0, 0.03, (61, 83)) + 1.5 * (rng.random((61, 83)) < 0.3)).astype(np.float32)
+    depth = (2.0 + rng.normal(0.0, 0.03, (61, 113)) + 1.5 * (rng.random((61, 113)) < 0.3)).astype(np.float32)
     for value in (np.nan, np.inf, -np.inf, 0.0, -1.0):
         depth[rng.random(depth.shape) < 0.15] = value
     depth[10:25, 20:40] = np.nan
-    camera = CameraIntrinsics(83, 61, 60.0, 60.0, 41.0, 30.0)
+    camera = CameraIntrinsics(113, 61, 60.0, 60.0, 56.0, 30.0)
     frame = RgbdFrame(camera, None, depth)
-    small = resize_frame(frame, 83 // step)
-    assert working_factors(camera, 83 // step) == (step, 1)
+    small = resize_frame(frame, 113 // step)
+    assert working_factors(camera, 113 // step) == (step, 1)
     assert small.depth_m is not None
     np.testing.assert_allclose(small.depth_m, naive_reduced_depth(depth, step), rtol=1e-6)
     assert np.isnan(small.depth_m).any()
@@ -81,13 +81,13 @@ def test_depth_is_as_its_slow_twin_says(step: int) -> None:
 @pytest.mark.parametrize("step", [2, 3, 4])
 def test_enlarged_depth_is_as_its_slow_twin_says(step: int) -> None:
     rng = np.random.default_rng(step)
-    ramp = 2.0 + 0.04 * np.arange(31)[:, None] + 0.02 * np.arange(40)
-    depth = (ramp + rng.normal(0.0, 0.01, (31, 40)) + 1.5 * (rng.random((31, 40)) < 0.1)).astype(np.float32)
+    ramp = 2.0 + 0.04 * np.arange(31)[:, None] + 0.02 * np.arange(101)
+    depth = (ramp + rng.normal(0.0, 0.01, (31, 101)) + 1.5 * (rng.random((31, 101)) < 0.1)).astype(np.float32)
     for value in (np.nan, np.inf, 0.0, -1.0):
         depth[rng.random(depth.shape) < 0.03] = value
-    camera = CameraIntrinsics(40, 31, 30.0, 30.0, 19.5, 15.0)
-    large = resize_frame(RgbdFrame(camera, None, depth), 40 * step)
-    assert (large.camera.width, large.camera.height) == (40 * step, 31 * step)
+    camera = CameraIntrinsics(101, 31, 80.0, 80.0, 50.0, 15.0)
+    large = resize_frame(RgbdFrame(camera, None, depth), 101 * step)
+    assert (large.camera.width, large.camera.height) == (101 * step, 31 * step)
     assert large.depth_m is not None
     np.testing.assert_allclose(large.depth_m, naive_enlarged_depth(depth, step), rtol=1e-6)
 

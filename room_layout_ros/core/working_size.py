@@ -25,6 +25,9 @@ _SAME_SURFACE = 3.0
 _STEEPEST = 0.93
 """Neighbours are of one surface if the farther has at least this part of the inverse depth of the nearer."""
 
+_LEAST_PX = 100
+"""Longer side of an image that is enlarged; in a smaller one nothing is to be seen."""
+
 _STRIP = 1024
 """So many blocks are gone through at a time: their sums stay in the cache."""
 
@@ -32,10 +35,10 @@ _STRIP = 1024
 def working_factors(camera: CameraIntrinsics, working_size_px: int) -> tuple[int, int]:
     """Return by what an image is reduced, and by what it is enlarged; whole, and one of them 1.
 
-    The longer side is reduced to no less than the working size, and enlarged to what is nearest to it; with 0 images
-    stay as they are.
+    The longer side is reduced to no less than the working size, and enlarged to what is nearest to it. With 0 images
+    stay as they are, and so do those that are too small to show a room.
     """
-    if working_size_px == 0:
+    if working_size_px == 0 or max(camera.width, camera.height) < _LEAST_PX:
         return 1, 1
     sides = camera.width, camera.height
     shrink = max(1, min(max(sides) // working_size_px, *sides))
