@@ -305,3 +305,9 @@ def test_a_small_frame_is_drawn_larger_and_its_legend_leaves_the_room_to_see() -
     assert picture.shape == (480, 640, 3)
     plain = draw_overlay(view(KINECT).frame, with_truth(view(KINECT)))
     assert plain.shape == (480, 640, 3)
+
+
+def test_a_frame_too_small_to_be_enlarged_is_drawn_as_it_is() -> None:
+    camera = CameraIntrinsics(64, 48, 64.0, 64.0, 31.5, 23.5)
+    frame = RgbdFrame(camera, np.zeros((48, 64, 3), np.uint8), np.full((48, 64), 2.0, np.float32))
+    assert draw_overlay(frame, LayoutEstimator().estimate(frame)).shape == (48, 64, 3)

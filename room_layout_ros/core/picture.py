@@ -40,7 +40,7 @@ def draw_overlay(frame: RgbdFrame, estimate: RoomEstimate) -> NDArray[np.uint8]:
     longer side is below `_SMALL_PX` is drawn larger, by a whole factor: the legend would hide it.
     """
     if max(frame.camera.width, frame.camera.height) < _SMALL_PX:
-        return draw_overlay(resize_frame(frame, _DRAWN_PX), resize_estimate(estimate, frame.camera, _DRAWN_PX))
+        frame, estimate = resize_frame(frame, _DRAWN_PX), resize_estimate(estimate, frame.camera, _DRAWN_PX)
     ground = frame.color if frame.color is not None else _depth_picture(frame.depth_m)
     picture = np.empty_like(ground)
     _blend(np.ascontiguousarray(ground), np.ascontiguousarray(estimate.labels), _mixtures(), picture)
