@@ -44,6 +44,13 @@ def compute_lab(color: NDArray[np.uint8], row_px: int = 1) -> NDArray[np.uint8]:
     return lab
 
 
+def block_means(color: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
+    """(H // step, W // step, 3) uint8 means over squares; what fills none, right and below, is left out."""
+    height, width = color.shape[0] // step, color.shape[1] // step
+    whole = np.ascontiguousarray(color[: height * step, : width * step])
+    return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+
+
 def blank_border(color: NDArray[np.uint8]) -> tuple[int, int, int, int]:
     """Return the width in pixels of the white border at top, bottom, left and right; 0 where there is none.
 

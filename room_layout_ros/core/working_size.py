@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from .color import block_means
 from .depth import depth_sigma
 from .estimate import RoomEstimate
 from .frame import CameraIntrinsics, RgbdFrame
@@ -58,9 +59,7 @@ def resize_frame(frame: RgbdFrame, working_size_px: int) -> RgbdFrame:
     camera = _resized_camera(frame.camera, shrink, grow)
     color, depth_m = frame.color, frame.depth_m
     if color is not None:
-        whole = color[: camera.height * shrink // grow, : camera.width * shrink // grow]
-        way = cv2.INTER_AREA if shrink > 1 else cv2.INTER_LINEAR
-        color = np.asarray(cv2.resize(whole, (camera.width, camera.height), interpolation=way), np.uint8)
+        color = block_means(color, shrink) if shrink > 1 else _enlarge_color(color, camera)
     if depth_m is not None:
         depth_m = _reduce_depth(depth_m, shrink) if shrink > 1 else _enlarge_depth(np.ascontiguousarray(depth_m), grow)
     return replace(frame, camera=camera, color=color, depth_m=depth_m)
@@ -123,6 +122,10 @@ def _resized_camera(camera: CameraIntrinsics, shrink: int, grow: int) -> CameraI
         cx=(camera.cx + 0.5) * grow / shrink - 0.5,
         cy=(camera.cy + 0.5) * grow / shrink - 0.5,
     )
+
+
+def _enlarge_color(color: NDArray[np.uint8], camera: CameraIntrinsics) -> NDArray[np.uint8]:
+    return np.asarray(cv2.resize(color, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR), np.uint8)
 
 
 def _reduce_depth(depth_m: NDArray[np.float32], step: int) -> NDArray[np.float32]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..color import block_means
 from .match_kernels import CompactBasis, Floats, MatchKernel, binary_patterns
 
 PATCH_PX, STEP_PX = 16, 8
@@ -62,10 +62,7 @@ def compute_color_descriptors(
 
 def _reduced(color: NDArray[np.uint8], size_px: int) -> Floats:
     """(H // s, W // s, 3) float32 means over squares, 0..1."""
-    height, width = color.shape[0] // size_px, color.shape[1] // size_px
-    whole = np.ascontiguousarray(color[: height * size_px, : width * size_px])
-    small = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
-    return small.astype(np.float32) / np.float32(255.0)
+    return block_means(color, size_px).astype(np.float32) / np.float32(255.0)
 
 
 def _spread(basis: CompactBasis, image: Floats) -> Floats:

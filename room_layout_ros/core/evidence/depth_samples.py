@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from ..depth import plane_of_moments
+
 SAMPLE_PX = 4
 """Distance of samples; they lie at multiples of it."""
 
@@ -49,15 +51,9 @@ def plane_samples(inverse_depth, fx, fy, cx, cy):  # type: ignore[no-untyped-def
                         syw += dy * w
             if n < _LEAST_SHARE * full:
                 continue
-            mx, my, mw = sx / n, sy / n, sw / n
-            xx, xy, yy = sxx / n - mx * mx, sxy / n - mx * my, syy / n - my * my
-            xw, yw = sxw / n - mx * mw, syw / n - my * mw
-            det = xx * yy - xy * xy
-            if det < 1.0:
-                continue
-            a, b = (yy * xw - xy * yw) / det, (xx * yw - xy * xw) / det
-            w = mw - a * mx - b * my
-            if w <= 0.0:
+            # the last sum is for the residual, which is not asked
+            (a, b, w), _, det, _, _ = plane_of_moments((float(n), sx, sy, sw, sxx, sxy, syy, sxw, syw, 0.0))
+            if det < 1.0 or w <= 0.0:
                 continue
             ray_x, ray_y = (x0 - cx) / fx, (y0 - cy) / fy
             nx, ny = a * fx, b * fy
