@@ -329,3 +329,14 @@ def test_the_shipped_parameter_file_starts_the_node(repository: Path) -> None:
     with python(repository, *NODE, "--params-file", str(repository / "config" / "estimator.yaml")) as node:
         read_until(node, "warm after")
         end_in_time(node, signal.SIGTERM)
+
+
+def test_the_collector_does_not_search_what_was_loaded(repository: Path) -> None:
+    code = (
+        "import gc; from room_layout_ros import estimator_node as e; "
+        "e._spin = lambda *_: print('kept', gc.get_freeze_count(), 'searched', len(gc.get_objects())); "
+        "e.run(e.EstimatorNode, [])"
+    )
+    with python(repository, "-c", code) as process:
+        kept, searched = re.findall(r"kept (\d+) searched (\d+)", read_until(process, "kept"))[0]
+    assert int(kept) > 10 * int(searched)

@@ -97,6 +97,8 @@ def _resize_labels(image: NDArray[Any], camera: CameraIntrinsics, shrink: int, g
     """One pixel of each block, or a block of each pixel, as many as `camera` has."""
     rows = np.minimum((np.arange(camera.height) * shrink + shrink // 2) // grow, image.shape[0] - 1)
     columns = np.minimum((np.arange(camera.width) * shrink + shrink // 2) // grow, image.shape[1] - 1)
+    if grow > 1:  # rows are repeated when they are complete
+        return np.take(np.take(image, columns, axis=1), rows, axis=0)
     return np.take(np.take(image, rows, axis=0), columns, axis=1)
 
 
