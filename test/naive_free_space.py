@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from room_layout_ros.core.depth import DepthGeometry
-from room_layout_ros.core.floor_cells import (
+from room_layout_ros.core.floor_cells import FREE_CELL, UNKNOWN_CELL
+from room_layout_ros.core.floor_pixels import (
     BEYOND_PIXEL,
     FLOOR_PIXEL,
-    FREE_CELL,
     HOLE_PIXEL,
     NOTHING,
     OBSTACLE_PIXEL,
-    UNKNOWN_CELL,
     WALL_PIXEL,
 )
 from room_layout_ros.core.frame import CameraIntrinsics

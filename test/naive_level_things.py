@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from room_layout_ros.core.floor_cells import OBSTACLE_PIXEL
+from room_layout_ros.core.floor_pixels import OBSTACLE_PIXEL
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import CLUTTER
 

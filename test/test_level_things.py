@@ -9,8 +9,9 @@ from furnished import GREY, ahead_of, box, empty, free_space_of, with_truth
 from naive_level_things import naive_below
 from numpy.typing import NDArray
 
-from room_layout_ros.core.floor_cells import FREE_CELL, OBSTACLE_PIXEL, UNKNOWN_CELL, WALL_PIXEL
+from room_layout_ros.core.floor_cells import FREE_CELL, UNKNOWN_CELL
 from room_layout_ros.core.floor_frame import floor_frame
+from room_layout_ros.core.floor_pixels import OBSTACLE_PIXEL, WALL_PIXEL
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import CLUTTER, FLOOR
 from room_layout_ros.core.level_things import hide_below_level_things

@@ -15,19 +15,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .config import EstimatorConfig
-from .depth import MAD_TO_SIGMA, NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma
+from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma
 from .estimate import RoomEstimate
 from .floor_level import height_over, level_of_camera
+from .floor_noise import MIN_BAND_PIXELS, count_heights, sigma_bands, usual_sigma
 from .frame import CameraIntrinsics
 from .labels import CLUTTER, FLOOR
+from .slow_error import measure_slow_error, tiles
 
-BAND_M = 0.5
-"""Width of the distance bands in which the noise is measured."""
-
-TILE_PX = 64
-"""Side of the image tiles in which the slow error of the sensor (ripple, radial error) is followed."""
-
-_BANDS = 24
 _STRIDE = 2
 _HALF_WIDTHS_M = (0.10, 0.04, 0.03)
 """Of the band around the plane in each pass; the last looks at all pixels, those before at a quarter of them."""
@@ -57,22 +52,7 @@ _NOTHING_EXPECTED = np.zeros((3, 4))
 _GATHER_M = 0.35
 """Pixels farther above or below the start are no floor, however wrong the start is."""
 
-_CARRY_ROUNDS = 30
-_CARRY_TO_ZERO = 0.3
-"""Beyond the floor the slow error is taken to be that of the nearest floor, less by so much over four per tile."""
-
-_SLOW_ROWS = 4
-"""The slow error is the same in so many rows."""
-
-_FARTHEST = np.float32(0.01)
 _CLUTTER_WEIGHT = 0.3
-_MIN_SIGMA_M = 0.002
-_MIN_BAND_PIXELS = 40
-_LEAST_SIDE = 0.1
-"""Share of a band's pixels on either side of the floor, below which there is no floor in it."""
-_MIN_TILE_PIXELS = 40
-_HISTOGRAM_M = 0.001
-_HISTOGRAM_BINS = 120
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,10 +176,10 @@ def _fit(
     if not support:
         return None
     length = float(np.linalg.norm(plane))
-    flat = np.zeros(_tiles(camera.height, camera.width))
-    sigma = _sigma_bands(_heights(pixels[:coarse], intrinsics, plane, flat), 1.0 / length)
-    bias = _bias(pixels, intrinsics, plane, sigma, flat.shape)
-    sigma = _sigma_bands(_heights(pixels, intrinsics, plane, bias), 1.0 / length)
+    flat = np.zeros(tiles(camera.height, camera.width))
+    sigma = sigma_bands(count_heights(pixels[:coarse], intrinsics, plane, flat), 1.0 / length)
+    bias = measure_slow_error(pixels, intrinsics, plane, sigma, flat.shape)
+    sigma = sigma_bands(count_heights(pixels, intrinsics, plane, bias), 1.0 / length)
     return FloorFit(plane / length, 1.0 / length, sigma, bias, support, f"{start.source}+depth")
 
 
@@ -271,7 +251,7 @@ def _on_one_level(
         return plane, support
     sure = pixels[:coarse][pixels[:coarse, 3] == 1.0]
     near = sure[sure[:, 2] >= np.quantile(sure[:, 2], _FARTHER_SHARE)]
-    plane, _ = _settle(near, len(near), intrinsics, plane, _HALF_WIDTHS_M, _MIN_BAND_PIXELS, expected)
+    plane, _ = _settle(near, len(near), intrinsics, plane, _HALF_WIDTHS_M, MIN_BAND_PIXELS, expected)
     return _settle(pixels, coarse, intrinsics, plane, _HALF_WIDTHS_M[1:], least, expected)
 
 
@@ -283,7 +263,7 @@ def _from_cuboid(estimate: RoomEstimate) -> FloorPlane | None:
 
 def _height_along(geometry: DepthGeometry, floor: NDArray[np.bool_], normal: NDArray[np.float64]) -> float | None:
     seen = floor & (geometry.inverse_depth > 0)
-    if seen.sum() < _MIN_BAND_PIXELS:
+    if seen.sum() < MIN_BAND_PIXELS:
         return None
     rays = geometry.camera.rays()[seen]
     height = float(np.median((rays @ normal) / geometry.inverse_depth[seen]))
@@ -291,48 +271,8 @@ def _height_along(geometry: DepthGeometry, floor: NDArray[np.bool_], normal: NDA
 
 
 def _as_given(prior: FloorPlane, camera: CameraIntrinsics) -> FloorFit:
-    z = (np.arange(_BANDS) + 0.5) * BAND_M
-    sigma = np.asarray(depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC)) * prior.distance_m / z
-    flat = np.zeros(_tiles(camera.height, camera.width))
-    return FloorFit(prior.normal, prior.distance_m, np.maximum(sigma, _MIN_SIGMA_M), flat, 0, prior.source)
-
-
-def _tiles(height: int, width: int) -> tuple[int, int]:
-    return -(-height // TILE_PX), -(-width // TILE_PX)
-
-
-@njit(cache=True, nogil=True)
-def _sigma_bands(counts, height):  # type: ignore[no-untyped-def]
-    """Standard deviation per band from the median |height|; bands without floor follow the model of the noise.
-
-    Noise lies on both sides of the floor, things above it and drops below: the quieter side counts, and a band of
-    which one side is nearly empty shows no floor.
-    """
-    sigma, ratio = np.full(_BANDS, np.nan), np.full(_BANDS, np.nan)
-    for band in range(_BANDS):
-        z = (band + 0.5) * BAND_M
-        model = depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) * height / z
-        below, above = counts[0, band].sum(), counts[1, band].sum()
-        if min(below, above) >= max(_MIN_BAND_PIXELS, _LEAST_SIDE * (below + above)):
-            sigma[band] = MAD_TO_SIGMA * min(_median(counts[0, band]), _median(counts[1, band]))
-            ratio[band] = sigma[band] / model
-    usual = np.nanmedian(ratio) if np.isfinite(ratio).any() else 1.0
-    for band in range(_BANDS):
-        if np.isnan(sigma[band]):
-            z = (band + 0.5) * BAND_M
-            sigma[band] = usual * depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) * height / z
-        sigma[band] = max(sigma[band], _MIN_SIGMA_M)
-    return sigma
-
-
-@njit(cache=True, nogil=True)
-def _median(counts):  # type: ignore[no-untyped-def]
-    """Median in m of what a histogram of heights holds."""
-    total, below, k = counts.sum(), counts[0], 0
-    while below < 0.5 * total:
-        k += 1
-        below += counts[k]
-    return (k + 0.5) * _HISTOGRAM_M
+    flat = np.zeros(tiles(camera.height, camera.width))
+    return FloorFit(prior.normal, prior.distance_m, usual_sigma(prior.distance_m), flat, 0, prior.source)
 
 
 @njit(cache=True, nogil=True)
@@ -417,113 +357,3 @@ def _count_on_plane(pixels, intrinsics, plane, half_width):  # type: ignore[no-u
         h = height_over(plane, d, rx, ry, z)
         on_plane += abs(h) < half_width + 2.0 * depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) * d / z
     return floor, on_plane
-
-
-@njit(cache=True, nogil=True)
-def _between_tiles(pixel, tiles):  # type: ignore[no-untyped-def]
-    """Tiles before and after a pixel along one axis, and how far it is from the one to the other (0..1)."""
-    place = min(max((pixel + 0.5) / TILE_PX - 0.5, 0.0), tiles - 1.0)
-    before = min(int(place), max(tiles - 2, 0))
-    return before, min(before + 1, tiles - 1), place - before
-
-
-@njit(cache=True, nogil=True)
-def _heights(pixels, intrinsics, plane, bias):  # type: ignore[no-untyped-def]
-    """Count |height| of pixels in mm bins: (2, bands, bins), below the floor and above it, by distance."""
-    fx, fy, cx, cy = intrinsics
-    counts = np.zeros((2, _BANDS, _HISTOGRAM_BINS), np.int64)
-    d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
-    for k in range(len(pixels)):
-        u, v = pixels[k, 0], pixels[k, 1]
-        i, m, p = _between_tiles(v, bias.shape[0])
-        j, n, q = _between_tiles(u, bias.shape[1])
-        top = bias[i, j] + q * (bias[i, n] - bias[i, j])
-        slow = top + p * (bias[m, j] + q * (bias[m, n] - bias[m, j]) - top)
-        z = 1.0 / (pixels[k, 2] - slow)
-        h = height_over(plane, d, (u - cx) / fx, (v - cy) / fy, z)
-        bin_, band = int(abs(h) / _HISTOGRAM_M), int(z / BAND_M)
-        if bin_ < _HISTOGRAM_BINS and 0 <= band < _BANDS:
-            counts[0 if h <= 0.0 else 1, band, bin_] += 1
-    return counts
-
-
-@njit(cache=True, nogil=True)
-def _bias(pixels, intrinsics, plane, sigma, shape):  # type: ignore[no-untyped-def]
-    """Median error of the inverse depth of floor pixels (by label, within three sigma), per tile; carried on."""
-    fx, fy, cx, cy = intrinsics
-    rows, cols = shape
-    counts = np.zeros((rows, cols, 2 * _HISTOGRAM_BINS), np.int32)
-    errors = np.zeros((rows, cols, 2 * _HISTOGRAM_BINS))
-    total = np.zeros((rows, cols), np.int64)
-    d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
-    for n in range(len(pixels)):
-        u, v, w = pixels[n, 0], pixels[n, 1], pixels[n, 2]
-        s = sigma[min(int(1.0 / (w * BAND_M)), _BANDS - 1)]
-        error = w - (plane[0] * ((u - cx) / fx) + plane[1] * ((v - cy) / fy) + plane[2])
-        h = d * error / w
-        if abs(h) < 3.0 * s and pixels[n, 3] == 1.0:
-            i, j = int(v) // TILE_PX, int(u) // TILE_PX
-            k = min(max(int(h / _HISTOGRAM_M + _HISTOGRAM_BINS), 0), 2 * _HISTOGRAM_BINS - 1)
-            counts[i, j, k] += 1
-            errors[i, j, k] += error
-            total[i, j] += 1
-    measured = np.full((rows, cols), np.nan)
-    for i in range(rows):
-        for j in range(cols):
-            if total[i, j] >= _MIN_TILE_PIXELS:
-                below, k = 0, 0
-                while below + counts[i, j, k] < 0.5 * total[i, j]:
-                    below += counts[i, j, k]
-                    k += 1
-                measured[i, j] = errors[i, j, k] / counts[i, j, k]
-    return _carried_on(measured)
-
-
-@njit(cache=True, nogil=True)
-def _carried_on(measured):  # type: ignore[no-untyped-def]
-    """Fill tiles without a value (NaN) by what surrounds them, drawn to 0 with distance from those that have one."""
-    rows, cols = measured.shape
-    field = np.where(np.isnan(measured), 0.0, measured)
-    for _ in range(_CARRY_ROUNDS):
-        for i in range(rows):
-            for j in range(cols):
-                if np.isnan(measured[i, j]):
-                    total, weight = 0.0, _CARRY_TO_ZERO
-                    for m, n in ((i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)):
-                        if 0 <= m < rows and 0 <= n < cols:
-                            total += field[m, n]
-                            weight += 1.0
-                    field[i, j] = total / weight
-    return field
-
-
-def remove_bias(inverse_depth: NDArray[np.float32], bias: NDArray[np.float64]) -> None:
-    """Take the slow error of the sensor (`FloorFit.bias`) off the inverse depth (H, W) in place; 0 stays 0."""
-    _remove(inverse_depth, bias)
-
-
-@njit(cache=True, nogil=True)
-def _remove(inverse, bias):  # type: ignore[no-untyped-def]
-    height, width = inverse.shape
-    column = np.empty(bias.shape[1], np.float32)
-    before, after = np.empty(width, np.int32), np.empty(width, np.int32)
-    share, slow = np.empty(width, np.float32), np.empty(width, np.float32)
-    for u in range(width):
-        before[u], after[u], share[u] = _between_tiles(u, bias.shape[1])
-    for v in range(height):
-        if v % _SLOW_ROWS == 0:
-            i, m, p = _between_tiles(v, bias.shape[0])
-            for j in range(bias.shape[1]):
-                column[j] = bias[i, j] + p * (bias[m, j] - bias[i, j])
-            for u in range(width):
-                slow[u] = column[before[u]] + share[u] * (column[after[u]] - column[before[u]])
-        _take_off(inverse[v], slow)
-
-
-@njit(cache=True, nogil=True)
-def _take_off(row, slow):  # type: ignore[no-untyped-def]
-    """Take the slow error off a row; by itself, all float32, so that it runs on vectors."""
-    for u in range(len(row)):
-        right = row[u] - slow[u]
-        right = right if right > _FARTHEST else _FARTHEST
-        row[u] = right if row[u] > np.float32(0.0) else row[u]

@@ -28,8 +28,8 @@ from .floor_cells import (
     TOUCHED,
     UNKNOWN_CELL,
     FloorCells,
-    band_sigma,
 )
+from .floor_noise import band_sigma
 from .floor_plane import FloorFit
 
 _MIN_PIXELS = 3

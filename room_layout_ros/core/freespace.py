@@ -17,16 +17,15 @@ from .depth import DepthGeometry, compute_depth_geometry
 from .depth_holes import close_holes
 from .estimate import RoomEstimate
 from .floor_cells import (
-    FLOOR_PIXEL,
     FREE_CELL,
-    OBSTACLE_PIXEL,
     OCCUPIED_CELL,
     UNKNOWN_CELL,
     FloorCells,
     sum_floor_cells,
 )
 from .floor_frame import floor_frame, room_outline, view_fan, walls_on_floor
-from .floor_plane import FloorFit, FloorPlane, fit_floor, remove_bias
+from .floor_pixels import FLOOR_PIXEL, OBSTACLE_PIXEL
+from .floor_plane import FloorFit, FloorPlane, fit_floor
 from .frame import RgbdFrame
 from .free_cells import blind_cells, decide_cells, floor_levels, occupied_cells
 from .level_things import hide_below_level_things
@@ -35,6 +34,7 @@ from .overhang import hide_overhung
 from .scan import RangeScan, cast_scan
 from .seen_space import hide_above_picture
 from .sight_lines import in_line_of_sight
+from .slow_error import remove_bias
 from .stage_clock import StageClock
 from .thing_surfaces import smooth_things
 from .wall_lines import refine_walls

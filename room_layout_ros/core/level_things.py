@@ -14,7 +14,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .floor_cells import FREE_CELL, OBSTACLE_PIXEL, UNKNOWN_CELL, pixel_rays
+from .floor_cells import FREE_CELL, UNKNOWN_CELL
+from .floor_pixels import OBSTACLE_PIXEL, pixel_rays
 from .frame import CameraIntrinsics
 from .labels import CLUTTER
 

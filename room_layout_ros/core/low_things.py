@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from .config import EstimatorConfig
 from .depth import MAD_TO_SIGMA
-from .floor_cells import FLOOR_PIXEL, FLOOR_PIXELS, HEIGHT, FloorCells
+from .floor_cells import FLOOR_PIXELS, HEIGHT, FloorCells
+from .floor_pixels import FLOOR_PIXEL
 from .free_cells import Levels
 
 _STRIDE = 2

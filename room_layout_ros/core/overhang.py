@@ -11,7 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .floor_cells import FREE_CELL, OBSTACLE_PIXEL, UNKNOWN_CELL
+from .floor_cells import FREE_CELL, UNKNOWN_CELL
+from .floor_pixels import OBSTACLE_PIXEL
 from .frame import CameraIntrinsics
 
 _STEP_M, _MIN_HIDDEN = 0.05, 4

@@ -9,8 +9,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .depth import DepthGeometry
-from .floor_cells import OBSTACLE_PIXEL, OCCUPIED_CELL, UNKNOWN_CELL, WALL_PIXEL, FloorCells
+from .floor_cells import OCCUPIED_CELL, UNKNOWN_CELL, FloorCells
 from .floor_frame import view_fan
+from .floor_pixels import OBSTACLE_PIXEL, WALL_PIXEL
 
 _MIN_HITS = 3
 """So many pixels make a range: the last of them is it."""

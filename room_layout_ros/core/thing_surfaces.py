@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .floor_cells import band_sigma
+from .floor_noise import band_sigma
 from .floor_plane import FloorFit
 from .frame import CameraIntrinsics
 from .labels import FLOOR, N_LABELS

@@ -3,7 +3,7 @@
 A cuboid's wall follows the pixels, and the nearest metre of a wall has more of them than all the rest: in a corridor
 a door recess beside the camera pulls the plane. On the floor every decimetre of the wall's length has one vote. Then
 the wall settles on the median of its lower part, whose depth was set right by the floor beside it
-(`floor_plane.remove_bias`).
+(`slow_error.remove_bias`).
 """
 
 from __future__ import annotations
