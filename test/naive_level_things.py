@@ -18,8 +18,11 @@ Ray = NDArray[np.float64]
 
 @dataclass
 class Thing:
-    """What a column follows: heights of its first and last pixel, distance reached, and from where without depth."""
+    """What a column follows: heights of its first and last pixel, distances of the first, reached, and from where
+    without depth.
+    """
 
+    begin: float
     lowest: float
     height: float
     reached: float
@@ -55,12 +58,18 @@ def naive_below(
     def leave(thing: Thing | None, u: int, way: Ray, beyond: float) -> None:
         if thing is None or thing.pixels < 2 or min(thing.height, thing.lowest) < 0.12 or beyond < thing.reached:
             return
-        far = thing.reached + (1.2 if thing.height - thing.lowest < 0.1 else 0.1)
+        far = thing.reached + (2.0 if thing.lowest < 0.4 else 1.2 if thing.height - thing.lowest < 0.1 else 0.1)
         if way[2] < -1e-6 and thing.height < stands:
             far = min(far, np.hypot(*way[:2]) * (thing.height - stands) / way[2])
         if thing.lowest > stands:
             far = min(far, thing.underside)
         mark(u, way, thing.reached, min(far, beyond))
+
+    def leave_picture(thing: Thing, u: int) -> None:
+        seen = thing.begin - thing.reached
+        hangs = min(thing.height, thing.lowest) >= 0.12 and thing.height - thing.lowest < 0.1
+        if thing.pixels > 1 and thing.lost_from is None and hangs and seen > 0:
+            mark(u, ray(u, 0), max(thing.reached - min(0.6, 6 * seen), 0.0), thing.reached)
 
     def meet(thing: Thing | None, u: int, v: int) -> Thing:
         way, depth = ray(u, v), 1.0 / float(inverse[v, u])
@@ -72,7 +81,7 @@ def naive_below(
                 leave(thing, u, way, r)
                 thing = None
         if thing is None:
-            thing, under = Thing(h, h, r, depth), v + 1
+            thing, under = Thing(r, h, h, r, depth), v + 1
             while under < camera.height and inverse[under, u] <= 0 and labels[under, u] == CLUTTER:
                 under += 1
             below = ray(u, under)
@@ -108,6 +117,8 @@ def naive_below(
             elif thing is not None:
                 leave(thing, u, way, float(np.hypot(*way[:2])) / w if w > 0 else np.inf)
                 thing = None
+        if thing is not None:
+            leave_picture(thing, u)
     hidden = np.zeros(shape, np.bool_)
     for cell, seen_by in columns.items():
         hidden[cell] = len(seen_by) > 1

@@ -105,3 +105,26 @@ def test_below_a_table_at_the_cameras_height_nothing_is_free(height: float, nois
     # its top covers 1.7-2.5 m ahead, 0.7 m to either side
     assert not (ahead_of(found, (1.75, 2.45), 0.65) == FREE_CELL).any()
     assert (ahead_of(found, (1.2, 1.5), 0.3) == FREE_CELL).mean() > 0.7  # stereo loses some floor
+
+
+@pytest.mark.parametrize("noise", ["clean", "kinect", "stereo"])
+def test_below_a_bed_nothing_is_free_up_to_where_it_ends(noise: str) -> None:
+    """A bed of 1.4 x 2 m on legs of 32 cm, whose front alone a robot's low camera sees, and floor below it."""
+    bed = Solid(0.9, 0.0, 0.0, 2.0, 1.4, 0.32, 0.62, 5, GREY, thing=1)
+    room = empty(bed, *(box(0.9 + x, y, 0.06, 0.32) for x in (-0.95, 0.95) for y in (-0.65, 0.65)))
+    sample = render(room, KINECT, camera_pose(-1.6, 0.0, 0.46, 0.0, -0.1), NOISES[noise], np.random.default_rng(5))
+    found = free_space_of(sample.frame, with_truth(sample))
+    # it covers 1.5-3.5 m ahead, 0.7 m to either side
+    assert not (ahead_of(found, (1.55, 3.45), 0.65) == FREE_CELL).any()
+    assert (ahead_of(found, (1.0, 1.3), 0.3) == FREE_CELL).mean() > 0.7
+
+
+def test_below_a_table_cut_off_by_the_picture_nothing_is_free() -> None:
+    """A table of 80 x 80 cm on one leg, of whose underside the picture shows the farthest 25 cm at its top."""
+    top = Solid(0.2, 0.0, 0.0, 0.8, 0.8, 0.70, 0.74, 5, GREY, thing=1)
+    room = empty(top, box(0.2, 0.0, 0.06, 0.70))
+    sample = render(room, KINECT, camera_pose(-1.3, 0.0, 0.38, 0.0, -0.24))
+    found = free_space_of(sample.frame, with_truth(sample))
+    # it covers 1.1-1.9 m ahead, 0.4 m to either side
+    assert not (ahead_of(found, (1.15, 1.85), 0.3) == FREE_CELL).any()
+    assert (ahead_of(found, (0.7, 0.95), 0.3) == FREE_CELL).all()

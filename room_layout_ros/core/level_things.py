@@ -3,8 +3,8 @@
 A look up from the floor (`overhang.py`) needs a piece of the thing that is as high as a hand is long. Here each column
 of the picture is followed upwards instead, over the things that it meets. Below a thing is the floor under its pixels;
 that between two of them on one level; that under pixels without depth that are labelled as a thing and lie behind
-its edge, for a sensor loses a top that it sees flat; and so much behind the edge as a level surface may go on without
-one more pixel.
+its edge, for a sensor loses a top that it sees flat; so much behind the edge as a level surface may go on without one
+more pixel; and that before an underside which the picture cuts off.
 """
 
 from __future__ import annotations
@@ -29,6 +29,13 @@ _THIN_M, _DEEP_M, _SHALLOW_M = 0.10, 1.2, 0.1
 """The edge of a level surface is no higher than the first. Behind its farthest pixel such a surface may go on for the
 second (a table is long, seen from its corner), other things for the third."""
 
+_LOW_M, _LONG_M = 0.40, 2.0
+"""What hangs lower than the first is no seat but a bed or a sofa, and may go on behind its edge for the second."""
+
+_TOWARDS_M, _TIMES_SEEN = 0.6, 6.0
+"""An underside that the picture's upper side cuts off goes on towards the camera: so far, but not for more than so many
+times what is seen of it."""
+
 _DEEPEST_M = 1.5
 """So far a surface goes on over pixels without depth."""
 
@@ -43,10 +50,10 @@ _SIDEWAYS = 1e-9
 _NOTHING, _PIXEL, _THING, _NO_DEPTH = range(4)
 """What a column follows: nothing, one pixel (it may be a stray), a thing, pixels without depth behind its edge."""
 
-_LAST, _LOWEST, _UNDERSIDE, _RANGE, _HEIGHT, _LOST_FROM = range(6)
-"""Of a column: inverse depth of the last pixel of the thing; height of the first; how far its underside may go on, by
-the ray below that (inf). Where the depth is lost: the distance from below the camera that was reached; height; since
-which distance."""
+_LAST, _LOWEST, _BEGIN, _UNDERSIDE, _RANGE, _HEIGHT, _LOST_FROM = range(7)
+"""Of a column: inverse depth of the last pixel of the thing; height of the first, and its distance from below the
+camera; how far its underside may go on, by the ray below that (inf). Where the depth is lost: the distance from below
+the camera that was reached; height; since which distance."""
 
 
 def hide_below_level_things(
@@ -103,7 +110,7 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
     over = first, hidden
     above_floor = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
     closer = np.float32(0.5 * corner[2])
-    follows, columns = np.zeros(width, np.uint8), np.zeros((width, 6))
+    follows, columns = np.zeros(width, np.uint8), np.zeros((width, 7))
     for v in range(height - 1, -1, -1):
         ax0, ax1, ay0, ay1, az0, az1 = pixel_rays(T, intrinsics, v)
         down = T[1, 0] / intrinsics[1], T[1, 1] / intrinsics[1], T[1, 2] / intrinsics[1]  # from a pixel to that below
@@ -130,6 +137,11 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
             else:
                 _end(follows[u], column, along / w if w > 0.0 else np.inf, rays, above_floor, over, u, corner)
                 follows[u] = _NOTHING
+    ax0, ax1, ay0, ay1, az0, az1 = pixel_rays(T, intrinsics, 0)
+    for u in range(width):
+        if follows[u] == _THING:
+            ray = ax0 + ax1 * u, ay0 + ay1 * u, az0 + az1 * u
+            _go_on_above_picture(columns[u], ray, above_floor, over, u, corner)
     return hidden
 
 
@@ -180,7 +192,7 @@ def _meet(follows, goes_on, column, w, rays, above_floor, over, u, corner):  # t
         same = goes_on or (near and abs(h - last_height) < _SAME_LEVEL_M)
     if not same:
         _end(follows, column, r, rays, above_floor, over, u, corner)
-        column[_LOWEST] = h
+        column[_LOWEST], column[_BEGIN] = h, r
     elif h >= _HANGS_M:
         _mark(over, u, rays, last, r, corner)
     column[_LAST] = w
@@ -219,7 +231,7 @@ def _end(follows, column, beyond, rays, above_floor, over, u, corner):  # type: 
     lowest = column[_LOWEST]
     if min(h, lowest) < _HANGS_M or beyond < r:
         return
-    far = r + (_DEEP_M if h - lowest < _THIN_M else _SHALLOW_M)
+    far = r + (_LONG_M if lowest < _LOW_M else _DEEP_M if h - lowest < _THIN_M else _SHALLOW_M)
     if up < -_LEVEL and h < above_floor:
         far = min(far, along * (h - above_floor) / up)
     if lowest > above_floor:
@@ -228,8 +240,25 @@ def _end(follows, column, beyond, rays, above_floor, over, u, corner):  # type: 
 
 
 @njit(cache=True, nogil=True)
+def _go_on_above_picture(column, ray, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
+    """Follow on what reaches the picture's upper side: an underside goes on nearer to the camera.
+
+    `ray` : ahead, to the left and up per metre of depth, of the pixel there.
+    """
+    ax, ay, up = ray
+    along, z = max(np.sqrt(ax * ax + ay * ay), _SIDEWAYS), 1.0 / column[_LAST]
+    r, h, lowest = along * z, above_floor + up * z, column[_LOWEST]
+    seen = column[_BEGIN] - r
+    if min(h, lowest) >= _HANGS_M and h - lowest < _THIN_M and seen > 0.0:
+        _mark(over, u, (ax / along, ay / along), max(r - min(_TOWARDS_M, _TIMES_SEEN * seen), 0.0), r, corner)
+
+
+@njit(cache=True, nogil=True)
 def _mark(over, u, rays, near, far, corner):  # type: ignore[no-untyped-def]
-    """Mark the cells along a ray from one distance to another; those marked by two columns are hidden."""
+    """Mark the cells along a ray from one distance to another; those marked by two columns are hidden.
+
+    `rays` : begins with the unit vector over the floor, ahead and to the left.
+    """
     first, hidden = over
     x0, y0, size = corner
     rows, cols = first.shape
