@@ -253,6 +253,15 @@ def test_gravity_goes_before_lines_on_a_wall() -> None:
     assert error_deg(found.R_room_camera, R) < 0.3
 
 
+def test_a_pattern_askew_on_the_only_wall_rolls_no_camera() -> None:
+    """Wallpaper with stripes of 40 degrees."""
+    frame, segments = chequered(look(10, 0), 3, 2.0, 40.0)
+    assert frame.depth_m is not None
+    found = estimate_manhattan_frame(geometry_of(frame.depth_m), segments)
+    assert found is not None
+    assert error_deg(found.R_room_camera, look(10, 0)) < 0.5
+
+
 def test_few_or_scattered_lines_tell_nothing(rng: np.random.Generator) -> None:
     R = look(0, 0, 10)
     frame, segments = chequered(R, 3, 2.0, 0.0)

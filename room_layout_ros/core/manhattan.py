@@ -38,6 +38,8 @@ _MIN_MODE = 0.01
 _MIN_LINES, _LONGEST_PX, _SHARED_RAD, _LEAST_SHARED = 6, 100.0, np.deg2rad(3.0), 0.4
 """On one plane so many lines tell its axes, if the last of their length, each counted up to the second, lies as near to
 them as the third. By chance a fifteenth lies there."""
+_UPRIGHT_RAD = np.deg2rad(25.0)
+"""On a plane no farther from upright lines that are farther from level tell of its pattern, not of a camera's roll."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,12 +269,16 @@ def _azimuth_of_one_plane(
     """
     down = np.array([0.0, 1.0, 0.0]) if gravity is None else gravity / np.linalg.norm(gravity)
     level = abs(basis[2] @ down) < np.sqrt(0.5)
-    if lines is not None and lengths is not None and not (level and gravity is not None):
-        told = _azimuth_of_lines(basis, lines, np.minimum(lengths, _LONGEST_PX))
-        if told is not None:
-            return told
     u, v, _ = basis @ (down if level else np.array([0.0, 0.0, 1.0]))
-    return float(np.arctan2(v, u))
+    guess = float(np.arctan2(v, u))
+    if lines is None or lengths is None or (level and gravity is not None):
+        return guess
+    told = _azimuth_of_lines(basis, lines, np.minimum(lengths, _LONGEST_PX))
+    if told is None:
+        return guess
+    rolled = abs((told - guess + np.pi / 4) % (np.pi / 2) - np.pi / 4)
+    is_pattern = abs(basis[2] @ down) < np.sin(_UPRIGHT_RAD) and rolled > _UPRIGHT_RAD
+    return guess if is_pattern else told
 
 
 def _azimuth_of_lines(
