@@ -19,6 +19,7 @@ from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma
 from .estimate import RoomEstimate
 from .floor_level import height_over, level_of_camera
 from .floor_noise import MIN_BAND_PIXELS, count_heights, sigma_bands, usual_sigma
+from .floor_step import FloorStep, are_before, find_step
 from .frame import CameraIntrinsics
 from .labels import CLUTTER, FLOOR
 from .slow_error import measure_slow_error, tiles
@@ -170,9 +171,16 @@ def _fit(
     least = max(int(config.floor_min_share * geometry.inverse_depth.size), 500)
     expected = _expected(start, tightly)
     plane, support = _settle(pixels, coarse, intrinsics, plane, _HALF_WIDTHS_M, least, expected)
-    if support:
+    if not support:
+        return None
+    step = find_step(pixels[:coarse], intrinsics, plane)
+    if step is None:
         held = _NOTHING_EXPECTED if tightly else expected
         plane, support = _on_one_level(pixels, coarse, intrinsics, plane, support, least, held)
+    else:
+        before = are_before(pixels, intrinsics, step)
+        pixels, coarse = pixels[before], int(before[:coarse].sum())
+        plane, support = _settle_before(step, pixels, coarse, intrinsics, support)
     if not support:
         return None
     length = float(np.linalg.norm(plane))
@@ -253,6 +261,16 @@ def _on_one_level(
     near = sure[sure[:, 2] >= np.quantile(sure[:, 2], _FARTHER_SHARE)]
     plane, _ = _settle(near, len(near), intrinsics, plane, _HALF_WIDTHS_M, MIN_BAND_PIXELS, expected)
     return _settle(pixels, coarse, intrinsics, plane, _HALF_WIDTHS_M[1:], least, expected)
+
+
+def _settle_before(
+    step: FloorStep, pixels: NDArray[np.float32], coarse: int, intrinsics: tuple[float, ...], support: int
+) -> tuple[NDArray[np.float64], int]:
+    """Return the plane of the level before a step, fitted to its pixels, and its support."""
+    distance = 1.0 / float(np.linalg.norm(step.plane))
+    expected = _expected(FloorPlane(step.plane * distance, distance), tightly=True)
+    plane, near = _settle(pixels, coarse, intrinsics, step.plane, _HALF_WIDTHS_M[1:], MIN_BAND_PIXELS, expected)
+    return (plane, near) if near else (step.plane, support)
 
 
 def _from_cuboid(estimate: RoomEstimate) -> FloorPlane | None:
