@@ -109,7 +109,7 @@ def variants() -> list[Variant]:
         Variant("superpixels without depth", replace(plain, superpixel_lambda_depth=0.0)),
         Variant("axes without lines", lines_in_axes=False),
         Variant("one naming of the axes", replace(plain, axes_hypotheses=1)),
-        Variant("four namings of the axes", replace(plain, axes_hypotheses=4)),
+        Variant("two namings of the axes", replace(plain, axes_hypotheses=2)),
         Variant("one alternation from one start", replace(plain, joint_alternations=1, joint_starts=1)),
     ]
 

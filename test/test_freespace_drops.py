@@ -10,6 +10,7 @@ import pytest
 from furnished import CONFIG, empty
 from numpy.typing import NDArray
 
+from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.floor_frame import floor_frame, walls_on_floor
@@ -78,12 +79,16 @@ def before_a_drop(view: tuple[float, float, float], drop_m: float, noise: str) -
 
 
 def free_of(
-    estimator: LayoutEstimator, frame: RgbdFrame, floor: FloorPlane | None, edge: float
+    estimator: LayoutEstimator,
+    frame: RgbdFrame,
+    floor: FloorPlane | None,
+    edge: float,
+    config: EstimatorConfig = CONFIG,
 ) -> tuple[FreeSpace | None, int, int]:
     """The free space, its free cells more than 15 cm before the edge, and more than 15 cm beyond it."""
-    geometry = compute_depth_geometry(frame, CONFIG)
+    geometry = compute_depth_geometry(frame, config)
     assert geometry is not None
-    found = compute_free_space(geometry, estimator.estimate(frame), CONFIG, floor, color=frame.color)
+    found = compute_free_space(geometry, estimator.estimate(frame), config, floor, color=frame.color)
     if found is None:
         return None, 0, 0
     free = found.grid == FREE_CELL
@@ -113,6 +118,22 @@ def test_without_a_given_floor_it_is_the_nearer_level_or_none(
         found, _, beyond = free_of(estimator, frame, None, view[0])
         assert found is None or abs(found.camera_height_m - view[1]) < 0.03, f"{view}"
         assert beyond <= MOST_BEYOND[noise], f"{view}"
+
+
+@pytest.mark.parametrize("drop_m", [0.1, 0.06, -0.1])
+def test_an_exact_height_tells_a_step_of_which_only_the_far_level_is_in_view(
+    estimator: LayoutEstimator, drop_m: float
+) -> None:
+    edge, height, _ = view = (1.3, 1.4, -0.2)
+    frame, down = before_a_drop(view, drop_m, "kinect")
+    given = FloorPlane(down, height, "tf")
+    found, _, beyond = free_of(estimator, frame, given, edge, replace(CONFIG, floor_tolerance_m=0.04))
+    assert found is not None
+    assert (found.camera_height_m, beyond) == (height, 0)
+    corrected, _, beyond = free_of(estimator, frame, given, edge)
+    assert corrected is not None
+    assert abs(corrected.camera_height_m - height - drop_m) < 0.01
+    assert beyond > 1000
 
 
 def test_a_start_that_few_pixels_in_a_line_support_is_kept() -> None:

@@ -92,7 +92,7 @@ class EstimatorConfig:
         "context", "what tells furniture: context, a forest, 1 ms; kernel, the paper's kernel descriptors, 0.3 s",
         choices=("context", "kernel"),
     )  # fmt: skip
-    axes_hypotheses: int = _p(2, "namings and triples of the axes that the joint energy chooses from", "", 1, 8)
+    axes_hypotheses: int = _p(4, "namings and triples of the axes that the joint energy chooses from", "", 1, 8)
     axes_hypotheses_rgb: int = _p(2, "the same without depth", "", 1, 8)
     min_depth_m: float = _p(0.2, "nearer measurements are ignored", "m", 0.0, 5.0)
     max_depth_m: float = _p(12.0, "farther measurements are ignored", "m", 1.0, 100.0)
@@ -145,6 +145,10 @@ class EstimatorConfig:
     free_space_forward_m: float = _p(6.0, "the grid reaches this far ahead of the camera", "m", 0.5, 30.0)
     free_space_side_m: float = _p(4.0, "the grid reaches this far to either side", "m", 0.5, 30.0)
     floor_min_share: float = _p(0.005, "share of the image that must be floor to fit the floor plane", "", 0.0001, 0.5)
+    floor_tolerance_m: float = _p(
+        0.15, "the depth may correct a given camera height by this much; set it below the height of steps that matter",
+        "m", 0.01, 1.0,
+    )  # fmt: skip
     obstacle_min_height_m: float = _p(0.02, "what is lower lies on the floor and can be driven over", "m", 0.005, 0.5)
     robot_height_m: float = _p(2.0, "what is higher the robot passes under", "m", 0.05, 5.0)
     obstacle_noise_factor: float = _p(

@@ -36,11 +36,15 @@ _LARGE_FLOOR = 8
 """Times the least support: a smaller floor has no third to fit to."""
 
 _CUBOID_RAD, _CUBOID_M = np.deg2rad(0.3), 0.015
-_PRIOR_RAD, _PRIOR_M = np.deg2rad(3.0), 0.10
-"""How well the floor of the cuboid is known before the fit (it has the walls' right angles), and any other start."""
+"""How well the floor of the cuboid is known before the fit: it has the walls' right angles."""
 
-_FARTHEST_RAD, _FARTHEST_M = np.deg2rad(6.0), 0.15
-"""Farther from a start that is given whole the depth shows another level: the start is kept as it is."""
+_TOLERANCE_M, _TURN_PER_M = 0.15, np.deg2rad(40.0)
+"""A start that is not given whole may be wrong by so much, and any by so much of a turn for each metre that its height
+may be wrong by (`floor_tolerance_m`). Where the depth is farther from one that is given whole it shows another level,
+and the start is kept."""
+
+_KNOWN_M, _KNOWN_RAD = 2.0 / 3.0, 0.5
+"""Standard deviations of a start, as parts of how wrong it may be."""
 
 _WORST_CONDITION = 1e9
 """Pixels on one line make no plane."""
@@ -140,9 +144,11 @@ def fit_floor(
         if height is None:
             return None
         start = FloorPlane(start.normal, height, start.source)
-    fit = _fit(geometry, estimate.labels, config, start, tightly=prior is None)
     if prior is not None and not np.isnan(prior.distance_m):
-        return fit if fit is not None and _is_near(fit, prior) else _as_given(prior, geometry.camera)
+        fit = _fit(geometry, estimate.labels, config, start, config.floor_tolerance_m)
+        near = fit is not None and _is_near(fit, prior, config.floor_tolerance_m)
+        return fit if near else _as_given(prior, geometry.camera)
+    fit = _fit(geometry, estimate.labels, config, start, _TOLERANCE_M if prior is not None else None)
     if fit is None:
         return None
     camera = geometry.camera
@@ -154,28 +160,33 @@ def fit_floor(
     if not level_m < fit.distance_m:
         return None
     under = FloorPlane(fit.normal, fit.distance_m - level_m, start.source)
-    return _fit(geometry, estimate.labels, config, under, tightly=False)
+    return _fit(geometry, estimate.labels, config, under, _TOLERANCE_M)
 
 
 def _fit(
-    geometry: DepthGeometry, labels: NDArray[np.uint8], config: EstimatorConfig, start: FloorPlane, tightly: bool
+    geometry: DepthGeometry,
+    labels: NDArray[np.uint8],
+    config: EstimatorConfig,
+    start: FloorPlane,
+    tolerance_m: float | None,
 ) -> FloorFit | None:
     """Fit the floor from a start that has a height; None where it has too little support.
 
-    `tightly` : the start is the floor of a cuboid, which its walls hold; it may lie between two levels.
+    `tolerance_m` : how wrong the start may be; None for the floor of a cuboid, which its walls hold, but which may lie
+    between two levels.
     """
     camera = geometry.camera
     intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
     plane = start.normal / start.distance_m
     pixels, coarse = _near_plane(geometry.inverse_depth, labels, intrinsics, plane)
     least = max(int(config.floor_min_share * geometry.inverse_depth.size), 500)
-    expected = _expected(start, tightly)
+    expected = _expected(start, tolerance_m)
     plane, support = _settle(pixels, coarse, intrinsics, plane, _HALF_WIDTHS_M, least, expected)
     if not support:
         return None
     step = find_step(pixels[:coarse], intrinsics, plane)
     if step is None:
-        held = _NOTHING_EXPECTED if tightly else expected
+        held = _NOTHING_EXPECTED if tolerance_m is None else expected
         plane, support = _on_one_level(pixels, coarse, intrinsics, plane, support, least, held)
     else:
         before = are_before(pixels, intrinsics, step)
@@ -191,10 +202,10 @@ def _fit(
     return FloorFit(plane / length, 1.0 / length, sigma, bias, support, f"{start.source}+depth")
 
 
-def _is_near(fit: FloorFit, prior: FloorPlane) -> bool:
+def _is_near(fit: FloorFit, prior: FloorPlane, tolerance_m: float) -> bool:
     """Whether a fit is the floor that was given, not another level."""
     turned = np.arccos(np.clip(fit.normal @ prior.normal, -1.0, 1.0))
-    return bool(turned <= _FARTHEST_RAD and abs(fit.distance_m - prior.distance_m) <= _FARTHEST_M)
+    return bool(turned <= _TURN_PER_M * tolerance_m and abs(fit.distance_m - prior.distance_m) <= tolerance_m)
 
 
 def _settle(
@@ -233,9 +244,11 @@ def _is_line(A: NDArray[np.float64]) -> bool:
     return bool(np.linalg.cond(A) > _WORST_CONDITION)
 
 
-def _expected(start: FloorPlane, tightly: bool) -> NDArray[np.float64]:
+def _expected(start: FloorPlane, tolerance_m: float | None) -> NDArray[np.float64]:
     """(3, 4) normal equations of the start: as many pixels as would be as sure of the plane as it is."""
-    turn_rad, height_m = (_CUBOID_RAD, _CUBOID_M) if tightly else (_PRIOR_RAD, _PRIOR_M)
+    turn_rad, height_m = _CUBOID_RAD, _CUBOID_M
+    if tolerance_m is not None:
+        turn_rad, height_m = _KNOWN_RAD * _TURN_PER_M * tolerance_m, _KNOWN_M * tolerance_m
     n, d = start.normal, start.distance_m
     along = np.outer(n, n)
     weight = (d * d / height_m) ** 2 * along + (d / turn_rad) ** 2 * (np.eye(3) - along)
@@ -268,7 +281,7 @@ def _settle_before(
 ) -> tuple[NDArray[np.float64], int]:
     """Return the plane of the level before a step, fitted to its pixels, and its support."""
     distance = 1.0 / float(np.linalg.norm(step.plane))
-    expected = _expected(FloorPlane(step.plane * distance, distance), tightly=True)
+    expected = _expected(FloorPlane(step.plane * distance, distance), tolerance_m=None)
     plane, near = _settle(pixels, coarse, intrinsics, step.plane, _HALF_WIDTHS_M[1:], MIN_BAND_PIXELS, expected)
     return (plane, near) if near else (step.plane, support)
 
