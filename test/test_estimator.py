@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from furnished import GREY, empty
 from scenes import HALF, SMALL, ask, look
 
 from benchmarks.clutter import half_hidden_views, layout_errors
@@ -26,7 +27,8 @@ from room_layout_ros.core.stage_clock import StageClock
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 from room_layout_ros.datasets import good_samples, open_folder
 from room_layout_ros.datasets.sample import FrameTruth, Sample
-from room_layout_ros.datasets.synthetic import SyntheticSource
+from room_layout_ros.datasets.synthetic import KINECT, SyntheticSource, camera_pose, render
+from room_layout_ros.datasets.synthetic.shapes import Solid
 from room_layout_ros.evaluation.floor_width import floor_width
 from room_layout_ros.evaluation.measures import score_pixels
 
@@ -92,6 +94,18 @@ def test_furnished_rooms_without_noise(estimator: LayoutEstimator) -> None:
     views = [sample for seed in (11, 12, 13) for sample in rooms(6, seed, furniture=1.0)]
     errors = [layout_error(sample, ask(estimator, sample.frame)) for sample in views]
     assert np.mean(errors) < 0.015, np.round(100 * np.array(errors), 2)
+
+
+@pytest.mark.parametrize("turn_deg", [20, 30, 40])
+@pytest.mark.parametrize(("height", "pitch"), [(0.6, -0.1), (1.0, -0.2)])
+def test_a_block_that_stands_askew_does_not_turn_the_room(
+    estimator: LayoutEstimator, height: float, pitch: float, turn_deg: float
+) -> None:
+    """It fills more of the picture than any wall."""
+    block = Solid(0.4, 0.0, np.deg2rad(turn_deg), 0.8, 1.8, 0.0, 0.8, 6, GREY, thing=1)
+    sample = render(empty(block), KINECT, camera_pose(-1.6, 0.0, height, 0.0, pitch))
+    assert sample.truth is not None
+    assert np.mean(estimator.estimate(sample.frame).layout != sample.truth.layout) < 0.01
 
 
 def test_clutter_before_half_of_every_wall_hides_no_room(estimator: LayoutEstimator) -> None:
