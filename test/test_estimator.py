@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from furnished import GREY, empty
+from numpy.typing import NDArray
 from scenes import HALF, SMALL, ask, look
 
 from benchmarks.clutter import half_hidden_views, layout_errors
