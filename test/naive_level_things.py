@@ -55,10 +55,26 @@ def naive_below(
             if 0 <= i < shape[0] and 0 <= j < shape[1]:
                 columns[i, j].add(u)
 
-    def leave(thing: Thing | None, u: int, way: Ray, beyond: float) -> None:
+    def is_wide(u: int, v: int) -> bool:
+        def joined(a: int, b: int) -> bool:
+            things = kind[v, a] == OBSTACLE_PIXEL and kind[v, b] == OBSTACLE_PIXEL
+            return bool(things and abs(1 / inverse[v, a] - 1 / inverse[v, b]) < 0.5 * corner[2])
+
+        if v >= camera.height or kind[v, u] != OBSTACLE_PIXEL:
+            return False
+        left = right = u
+        while left > 0 and joined(left, left - 1):
+            left -= 1
+        while right < camera.width - 1 and joined(right, right + 1):
+            right += 1
+        return bool((right - left + 1) / camera.fx / inverse[v, right] >= 0.8)
+
+    def leave(thing: Thing | None, u: int, v: int, way: Ray, beyond: float) -> None:
         if thing is None or thing.pixels < 2 or min(thing.height, thing.lowest) < 0.12 or beyond < thing.reached:
             return
-        far = thing.reached + (2.0 if thing.lowest < 0.4 else 1.2 if thing.height - thing.lowest < 0.1 else 0.1)
+        thin = thing.height - thing.lowest < 0.1
+        front = thing.lowest < stands and is_wide(u, v + 1)
+        far = thing.reached + (2.0 if thing.lowest < 0.4 else 1.2 if thin else 0.9 if front else 0.1)
         if way[2] < -1e-6 and thing.height < stands:
             far = min(far, np.hypot(*way[:2]) * (thing.height - stands) / way[2])
         if thing.lowest > stands:
@@ -78,7 +94,7 @@ def naive_below(
             closer = thing.lost_from is None and abs(depth - thing.depth_m) < 0.5 * corner[2]
             near = abs(r - thing.reached) < 0.5 if thing.lost_from is None else r > thing.reached - 0.1
             if not closer and not (near and abs(h - thing.height) < 0.08):
-                leave(thing, u, way, r)
+                leave(thing, u, v, way, r)
                 thing = None
         if thing is None:
             thing, under = Thing(r, h, h, r, depth), v + 1
@@ -115,7 +131,7 @@ def naive_below(
             elif thing is not None and w <= 0 and labels[v, u] == CLUTTER:
                 thing = go_on(thing, u, way)
             elif thing is not None:
-                leave(thing, u, way, float(np.hypot(*way[:2])) / w if w > 0 else np.inf)
+                leave(thing, u, v, way, float(np.hypot(*way[:2])) / w if w > 0 else np.inf)
                 thing = None
         if thing is not None:
             leave_picture(thing, u)

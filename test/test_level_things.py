@@ -128,3 +128,16 @@ def test_below_a_table_cut_off_by_the_picture_nothing_is_free() -> None:
     # it covers 1.1-1.9 m ahead, 0.4 m to either side
     assert not (ahead_of(found, (1.15, 1.85), 0.3) == FREE_CELL).any()
     assert (ahead_of(found, (0.7, 0.95), 0.3) == FREE_CELL).all()
+
+
+@pytest.mark.parametrize("height", [0.6, 0.7])
+def test_below_a_desk_whose_front_rises_through_the_cameras_height_nothing_is_free(height: float) -> None:
+    """A desk of 1.4 x 0.7 m with drawers 30 cm high along its front, the lower edge at 45 cm."""
+    desk = Solid(0.4, 0.0, 0.0, 0.7, 1.4, 0.45, 0.75, 5, GREY, thing=1)
+    room = empty(desk, *(box(0.4 + x, y, 0.06, 0.45) for x in (-0.3, 0.3) for y in (-0.65, 0.65)))
+    sample = render(room, KINECT, camera_pose(-1.4, 0.0, height, 0.0, -0.15))
+    found = free_space_of(sample.frame, with_truth(sample))
+    # it covers 1.45-2.15 m ahead, 0.7 m to either side
+    assert not (ahead_of(found, (1.5, 2.1), 0.65) == FREE_CELL).any()
+    assert (ahead_of(found, (1.1, 1.25), 0.3) == FREE_CELL).all()
+    assert (ahead_of(found, (2.8, 3.2), 0.3) == FREE_CELL).mean() > 0.5
