@@ -39,6 +39,9 @@ line, and either level is even to this part of it."""
 _STEEPEST = 0.105
 """Slope, 6 degrees, of a plane through two levels against either."""
 
+_LEAST_AHEAD = 0.2
+"""Part of the optical axis along the floor: a camera that looks down more steeply sees all around, nothing ahead."""
+
 _MARGIN_M = 0.05
 
 
@@ -75,7 +78,10 @@ def find_step(
     distance = 1.0 / float(np.linalg.norm(plane))
     normal = plane * distance
     ahead = np.array([0.0, 0.0, 1.0]) - normal[2] * normal
-    return FloorStep(at, rise, (normal + slope * ahead / np.linalg.norm(ahead)) / (distance - level))
+    length = float(np.linalg.norm(ahead))
+    if length < _LEAST_AHEAD or level >= distance:
+        return None
+    return FloorStep(at, rise, (normal + slope * ahead / length) / (distance - level))
 
 
 def are_before(pixels: NDArray[np.float32], intrinsics: tuple[float, ...], step: FloorStep) -> NDArray[np.bool_]:
