@@ -29,6 +29,7 @@ class Thing:
     depth_m: float
     underside: float = np.inf
     lost_from: float | None = None
+    wide: bool = False
     pixels: int = 1
 
 
@@ -60,8 +61,6 @@ def naive_below(
             things = kind[v, a] == OBSTACLE_PIXEL and kind[v, b] == OBSTACLE_PIXEL
             return bool(things and abs(1 / inverse[v, a] - 1 / inverse[v, b]) < 0.5 * corner[2])
 
-        if v >= camera.height or kind[v, u] != OBSTACLE_PIXEL:
-            return False
         left = right = u
         while left > 0 and joined(left, left - 1):
             left -= 1
@@ -69,12 +68,12 @@ def naive_below(
             right += 1
         return bool((right - left + 1) / camera.fx / inverse[v, right] >= 0.8)
 
-    def leave(thing: Thing | None, u: int, v: int, way: Ray, beyond: float) -> None:
+    def leave(thing: Thing | None, u: int, way: Ray, beyond: float) -> None:
         if thing is None or thing.pixels < 2 or min(thing.height, thing.lowest) < 0.12 or beyond < thing.reached:
             return
         thin = thing.height - thing.lowest < 0.1
-        front = thing.lowest < stands and is_wide(u, v + 1)
-        far = thing.reached + (2.0 if thing.lowest < 0.4 else 1.2 if thin else 0.9 if front else 0.1)
+        front = thing.lowest < stands and thing.wide
+        far = thing.reached + (2.0 if front and thing.lowest < 0.4 else 1.2 if thin else 0.9 if front else 0.1)
         if way[2] < -1e-6 and thing.height < stands:
             far = min(far, np.hypot(*way[:2]) * (thing.height - stands) / way[2])
         if thing.lowest > stands:
@@ -92,9 +91,11 @@ def naive_below(
         r, h = float(np.hypot(*way[:2])) * depth, stands + way[2] * depth
         if thing is not None:
             closer = thing.lost_from is None and abs(depth - thing.depth_m) < 0.5 * corner[2]
+            if closer and v % 16 == 0 and thing.lowest >= 0.12:
+                thing.wide = thing.wide or is_wide(u, v)
             near = abs(r - thing.reached) < 0.5 if thing.lost_from is None else r > thing.reached - 0.1
             if not closer and not (near and abs(h - thing.height) < 0.08):
-                leave(thing, u, v, way, r)
+                leave(thing, u, way, r)
                 thing = None
         if thing is None:
             thing, under = Thing(r, h, h, r, depth), v + 1
@@ -131,7 +132,7 @@ def naive_below(
             elif thing is not None and w <= 0 and labels[v, u] == CLUTTER:
                 thing = go_on(thing, u, way)
             elif thing is not None:
-                leave(thing, u, v, way, float(np.hypot(*way[:2])) / w if w > 0 else np.inf)
+                leave(thing, u, way, float(np.hypot(*way[:2])) / w if w > 0 else np.inf)
                 thing = None
         if thing is not None:
             leave_picture(thing, u)

@@ -29,12 +29,15 @@ _THIN_M, _DEEP_M, _SHALLOW_M = 0.10, 1.2, 0.1
 """The edge of a level surface is no higher than the first. Behind its farthest pixel such a surface may go on for the
 second (a table is long, seen from its corner), other things for the third."""
 
-_LOW_M, _LONG_M = 0.40, 2.0
-"""What hangs lower than the first is no seat but a bed or a sofa, and may go on behind its edge for the second."""
-
 _WIDE_M, _DESK_M = 0.8, 0.9
 """A front that rises through the camera's height, if it is as wide as the first, is no back of a chair but a desk or a
-cupboard, and may go on for the second."""
+cupboard, and may go on behind its edge for the second."""
+
+_LOW_M, _LONG_M = 0.40, 2.0
+"""One that hangs lower than the first is a bed or a sofa, and may go on for the second."""
+
+_ROWS = 16
+"""How wide things are is looked at in one of so many rows."""
 
 _TOWARDS_M, _TIMES_SEEN = 0.6, 6.0
 """An underside that the picture's upper side cuts off goes on towards the camera: so far, but not for more than so many
@@ -54,10 +57,10 @@ _SIDEWAYS = 1e-9
 _NOTHING, _PIXEL, _THING, _NO_DEPTH = range(4)
 """What a column follows: nothing, one pixel (it may be a stray), a thing, pixels without depth behind its edge."""
 
-_LAST, _LOWEST, _BEGIN, _UNDERSIDE, _RANGE, _HEIGHT, _LOST_FROM = range(7)
+_LAST, _LOWEST, _BEGIN, _WIDE, _UNDERSIDE, _RANGE, _HEIGHT, _LOST_FROM = range(8)
 """Of a column: inverse depth of the last pixel of the thing; height of the first, and its distance from below the
-camera; how far its underside may go on, by the ray below that (inf). Where the depth is lost: the distance from below
-the camera that was reached; height; since which distance."""
+camera; 1 if the thing hangs and is wide anywhere, else 0; how far its underside may go on, by the ray below that (inf).
+Where the depth is lost: the distance from below the camera that was reached; height; since which distance."""
 
 
 def hide_below_level_things(
@@ -114,18 +117,19 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
     over = first, hidden
     above_floor = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
     closer = np.float32(0.5 * corner[2])
-    follows, columns = np.zeros(width, np.uint8), np.zeros((width, 7))
+    follows, columns = np.zeros(width, np.uint8), np.zeros((width, 8))
     wide_px = np.float32(intrinsics[0] * _WIDE_M)
     for v in range(height - 1, -1, -1):
         ax0, ax1, ay0, ay1, az0, az1 = pixel_rays(T, intrinsics, v)
         down = T[1, 0] / intrinsics[1], T[1, 1] / intrinsics[1], T[1, 2] / intrinsics[1]  # from a pixel to that below
-        lower = inverse[min(v + 1, height - 1)], kind[min(v + 1, height - 1)], closer, wide_px
         for u in range(width):
             thing = kind[v, u] == OBSTACLE_PIXEL
             if not thing and follows[u] == _NOTHING:
                 continue
             w, column = inverse[v, u], columns[u]
             goes_on = thing and follows[u] in (_PIXEL, _THING) and abs(w - column[_LAST]) < closer * w * column[_LAST]
+            if goes_on and v % _ROWS == 0 and column[_LOWEST] >= _HANGS_M and column[_WIDE] == 0.0:
+                column[_WIDE] = _is_wide(inverse[v], kind[v], u, closer, wide_px)
             if goes_on and (cell[v, u] < 0 or not free[cell[v, u]]):
                 column[_LAST], follows[u] = w, _THING
                 continue
@@ -134,14 +138,14 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
             along_below = np.sqrt((ax + down[0]) ** 2 + (ay + down[1]) ** 2)
             rays = (ax / along, ay / along, along, up, along_below, up + down[2])
             if thing:
-                follows[u] = _meet(follows[u], goes_on, column, w, rays, above_floor, lower, over, u, corner)
+                follows[u] = _meet(follows[u], goes_on, column, w, rays, above_floor, over, u, corner)
                 if follows[u] == _PIXEL:
                     below = _rows_to_depth(inverse, labels, v, u)
                     column[_UNDERSIDE] = _end_of_underside(up / w, (ax, ay, up), down, below)
             elif w <= 0.0 and labels[v, u] == CLUTTER:
                 follows[u] = _go_on_without_depth(follows[u], column, rays, above_floor, over, u, corner)
             else:
-                _end(follows[u], column, along / w if w > 0.0 else np.inf, rays, above_floor, lower, over, u, corner)
+                _end(follows[u], column, along / w if w > 0.0 else np.inf, rays, above_floor, over, u, corner)
                 follows[u] = _NOTHING
     ax0, ax1, ay0, ay1, az0, az1 = pixel_rays(T, intrinsics, 0)
     for u in range(width):
@@ -152,12 +156,11 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
 
 
 @njit(cache=True, nogil=True)
-def _is_wide(row, u):  # type: ignore[no-untyped-def]
+def _is_wide(inverse, kind, u, closer, wide_px):  # type: ignore[no-untyped-def]
     """Whether the thing at a pixel of a row is wide there.
 
-    `row` : inverse depth; kinds; by how much neighbours of one thing may differ in depth, m; width in pixels at 1 m.
+    `closer` : by how much neighbours of one thing may differ in depth, m. `wide_px` : width in pixels at 1 m.
     """
-    inverse, kind, closer, wide_px = row
     pixels, enough = 1, wide_px * inverse[u]
     for step in (-1, 1):
         k = u + step
@@ -202,11 +205,11 @@ def _last_seen(follows, column, rays, above_floor):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True)
-def _meet(follows, goes_on, column, w, rays, above_floor, lower, over, u, corner):  # type: ignore[no-untyped-def]
+def _meet(follows, goes_on, column, w, rays, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
     """Follow a column on to a pixel of a thing: that of the last (surely, if it `goes_on`) or another.
 
     `rays` : unit vector over the floor, ahead and to the left; way over the floor and up per metre of depth; both of
-    the pixel below. `lower` : the row below, for `_is_wide`.
+    the pixel below.
     """
     _, _, along, up, _, _ = rays
     r, h = along / w, above_floor + up / w
@@ -216,8 +219,8 @@ def _meet(follows, goes_on, column, w, rays, above_floor, lower, over, u, corner
         near = r > last - _SHALLOW_M if follows == _NO_DEPTH else abs(r - last) < _SAME_RANGE_M
         same = goes_on or (near and abs(h - last_height) < _SAME_LEVEL_M)
     if not same:
-        _end(follows, column, r, rays, above_floor, lower, over, u, corner)
-        column[_LOWEST], column[_BEGIN] = h, r
+        _end(follows, column, r, rays, above_floor, over, u, corner)
+        column[_LOWEST], column[_BEGIN], column[_WIDE] = h, r, 0.0
     elif h >= _HANGS_M:
         _mark(over, u, rays, last, r, corner)
     column[_LAST] = w
@@ -243,7 +246,7 @@ def _go_on_without_depth(follows, column, rays, above_floor, over, u, corner):  
 
 
 @njit(cache=True, nogil=True)
-def _end(follows, column, beyond, rays, above_floor, lower, over, u, corner):  # type: ignore[no-untyped-def]
+def _end(follows, column, beyond, rays, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
     """Leave what a column followed: behind its farthest pixel a level surface may go on unseen.
 
     It ends before the next ray would meet its top from above, or the ray below its first pixel its underside from
@@ -256,14 +259,13 @@ def _end(follows, column, beyond, rays, above_floor, lower, over, u, corner):  #
     lowest = column[_LOWEST]
     if min(h, lowest) < _HANGS_M or beyond < r:
         return
-    if lowest < _LOW_M:
+    front = column[_WIDE] > 0.0 and lowest < above_floor
+    if front and lowest < _LOW_M:
         far = r + _LONG_M
     elif h - lowest < _THIN_M:
         far = r + _DEEP_M
-    elif follows == _THING and lowest < above_floor and _is_wide(lower, u):
-        far = r + _DESK_M
     else:
-        far = r + _SHALLOW_M
+        far = r + (_DESK_M if front else _SHALLOW_M)
     if up < -_LEVEL and h < above_floor:
         far = min(far, along * (h - above_floor) / up)
     if lowest > above_floor:
