@@ -12,29 +12,35 @@ from .core.estimate import RoomEstimate
 from .core.floor_plane import FloorPlane
 from .core.frame import RgbdFrame
 from .core.freespace import FreeSpace, compute_free_space
-from .core.working_size import resize_estimate, resize_frame
+from .core.working_size import original_of, restore_estimate
 from .node_config import NodeConfig
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What the outputs are made of. `floor` is where the floor is expected, None where only the estimate can say."""
+    """What the outputs are made of.
 
-    frame: RgbdFrame
-    estimate: RoomEstimate
+    Attributes
+    ----------
+    working_frame : RgbdFrame at the estimator's working size. working_estimate : of this frame.
+    floor : where the floor is expected, None where only the estimate can say.
+    """
+
+    working_frame: RgbdFrame
+    working_estimate: RoomEstimate
     node: NodeConfig
     estimator: EstimatorConfig
     floor: FloorPlane | None = None
 
-    @cached_property
-    def working_frame(self) -> RgbdFrame:
-        """The frame at the estimator's working size."""
-        return resize_frame(self.frame, self.estimator.working_size_px)
+    @property
+    def frame(self) -> RgbdFrame:
+        """The frame as the camera sent it."""
+        return original_of(self.working_frame)
 
     @cached_property
-    def working_estimate(self) -> RoomEstimate:
-        """The estimate with its images at that size."""
-        return resize_estimate(self.estimate, self.frame.camera, self.estimator.working_size_px)
+    def estimate(self) -> RoomEstimate:
+        """The estimate with its images at the size of the camera's."""
+        return restore_estimate(self.working_estimate, self.frame.camera, self.estimator.working_size_px)
 
     @cached_property
     def geometry(self) -> DepthGeometry | None:

@@ -104,7 +104,7 @@ class NodeStages:
     def assemble(
         self, pair: Pair[ImageItem], cameras: Mapping[str, CameraReading | None], settings: Settings
     ) -> RgbdFrame:
-        """Decode a pair."""
+        """Decode a pair, to the working size."""
         if settings.depth_camera is not None:
             cameras = {**cameras, DEPTH_CAMERA: settings.depth_camera}
         frame = assemble(pair, cameras, settings.node, self._transforms.find)
@@ -121,7 +121,7 @@ class NodeStages:
                 f"floor_frame is empty, so the floor's frame is {floor[:80]!r}, which is robot_frame too; "
                 "the floor below the camera needs a frame of its own: set floor_frame",
             )
-        return frame
+        return resize_frame(frame, settings.estimator.config.working_size_px)
 
     def expect_floor(self, frame: RgbdFrame, settings: Settings) -> FloorPlane | None:
         """Say where the floor is expected, and which way is down."""

@@ -7,7 +7,7 @@ there are too few for what counts them (cells of depth, superpixels, edges), tho
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -19,6 +19,7 @@ from .color import block_means
 from .depth import depth_sigma
 from .estimate import RoomEstimate
 from .frame import CameraIntrinsics, RgbdFrame
+from .layout import FacePolygon
 
 _SAME_SURFACE = 3.0
 """Depths of a block are of one surface within so many standard deviations of the measurement."""
@@ -29,8 +30,18 @@ _STEEPEST = 0.93
 _LEAST_PX = 100
 """Longer side of an image that is enlarged; in a smaller one nothing is to be seen."""
 
+_AS_LAYOUT = 255
+"""Stands for the label of the layout while an image of labels is resized."""
+
 _STRIP = 1024
 """So many blocks are gone through at a time: their sums stay in the cache."""
+
+
+@dataclass(frozen=True, slots=True)
+class ResizedFrame(RgbdFrame):
+    """A frame at the working size; `original` is the one that it was made of."""
+
+    original: RgbdFrame | None = None
 
 
 def working_factors(camera: CameraIntrinsics, working_size_px: int) -> tuple[int, int]:
@@ -62,29 +73,24 @@ def resize_frame(frame: RgbdFrame, working_size_px: int) -> RgbdFrame:
         color = block_means(color, shrink) if shrink > 1 else _enlarge_color(color, camera)
     if depth_m is not None:
         depth_m = _reduce_depth(depth_m, shrink) if shrink > 1 else _enlarge_depth(np.ascontiguousarray(depth_m), grow)
-    return replace(frame, camera=camera, color=color, depth_m=depth_m)
+    return ResizedFrame(camera, color, depth_m, frame.stamp_ns, frame.frame_id, frame.name, frame)
+
+
+def original_of(frame: RgbdFrame) -> RgbdFrame:
+    """Return the frame that a resized one was made of; any other frame itself."""
+    return frame.original if isinstance(frame, ResizedFrame) and frame.original is not None else frame
 
 
 def resize_estimate(estimate: RoomEstimate, camera: CameraIntrinsics, working_size_px: int) -> RoomEstimate:
-    """Return the estimate of a frame of `camera` with its images at the working size."""
+    """Return the estimate of a frame of `camera` with its images at the working size: undoes `restore_estimate`."""
     shrink, grow = working_factors(camera, working_size_px)
-    if shrink == grow:
-        return estimate
     return _resize(estimate, _resized_camera(camera, shrink, grow), shrink, grow)
 
 
 def restore_estimate(estimate: RoomEstimate, camera: CameraIntrinsics, working_size_px: int) -> RoomEstimate:
-    """Return the estimate of a resized frame of `camera` with its images at the camera's size.
-
-    The layout is drawn anew from the cuboid, so its edges are as sharp as the camera's pixels; a label that is that
-    of the layout follows it.
-    """
+    """Return the estimate of a resized frame of `camera` with its images at the camera's size."""
     shrink, grow = working_factors(camera, working_size_px)
-    whole = _resize(estimate, camera, grow, shrink)
-    if estimate.cuboid is None:
-        return whole
-    layout = estimate.cuboid.raster(camera)
-    return replace(whole, layout=layout, labels=np.where(whole.labels == whole.layout, layout, whole.labels))
+    return _resize(estimate, camera, grow, shrink)
 
 
 def resize_labels(image: NDArray[Any], camera: CameraIntrinsics, working_size_px: int) -> NDArray[Any]:
@@ -103,15 +109,29 @@ def _resize_labels(image: NDArray[Any], camera: CameraIntrinsics, shrink: int, g
 
 
 def _resize(estimate: RoomEstimate, camera: CameraIntrinsics, shrink: int, grow: int) -> RoomEstimate:
-    """The estimate as `camera` sees it: images resized, polygons cut out anew."""
-    return replace(
-        estimate,
-        layout=_resize_labels(estimate.layout, camera, shrink, grow),
-        labels=_resize_labels(estimate.labels, camera, shrink, grow),
-        furniture=_resize_labels(estimate.furniture, camera, shrink, grow),
-        superpixels=_resize_labels(estimate.superpixels, camera, shrink, grow),
-        polygons=() if estimate.cuboid is None else estimate.cuboid.polygons(camera),
+    """The estimate as `camera` sees it; itself where nothing changes.
+
+    The layout is drawn anew from the cuboid, so its edges are as sharp as the camera's pixels; a label that is that of
+    the layout follows it.
+    """
+    if shrink == grow:
+        return estimate
+    layout, labels, furniture, superpixels = (
+        _resize_labels(image, camera, shrink, grow)
+        for image in (estimate.layout, _marked(estimate), estimate.furniture, estimate.superpixels)
     )
+    polygons: tuple[FacePolygon, ...] = ()
+    if estimate.cuboid is not None:
+        layout, polygons = estimate.cuboid.raster(camera), estimate.cuboid.polygons(camera)
+    np.copyto(labels, layout, where=labels == _AS_LAYOUT)
+    return replace(
+        estimate, layout=layout, labels=labels, furniture=furniture, superpixels=superpixels, polygons=polygons
+    )
+
+
+def _marked(estimate: RoomEstimate) -> NDArray[np.uint8]:
+    """The labels, `_AS_LAYOUT` where they are the layout's."""
+    return np.where(estimate.labels == estimate.layout, np.uint8(_AS_LAYOUT), estimate.labels)
 
 
 def _resized_camera(camera: CameraIntrinsics, shrink: int, grow: int) -> CameraIntrinsics:
