@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from .depth import MAD_TO_SIGMA, NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
 from .floor_level import height_over
-from .slow_error import BAND_M, HISTOGRAM_BINS, HISTOGRAM_M, between_tiles
+from .height_bins import BAND_M, BIN_M, BINS, median_bin
+from .slow_error import between_tiles
 
 PER_METRE, STEPS = 50.0, 700
 """Entries of the table of the noise per metre of depth, and all of them: up to 14 m."""
@@ -33,7 +34,7 @@ def usual_sigma(distance_m: float) -> NDArray[np.float64]:
 def count_heights(pixels, intrinsics, plane, bias):  # type: ignore[no-untyped-def]
     """Count |height| of pixels in mm bins: (2, bands, bins), below the floor and above it, by distance."""
     fx, fy, cx, cy = intrinsics
-    counts = np.zeros((2, _BANDS, HISTOGRAM_BINS), np.int64)
+    counts = np.zeros((2, _BANDS, BINS), np.int64)
     d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
     for k in range(len(pixels)):
         u, v = pixels[k, 0], pixels[k, 1]
@@ -43,8 +44,8 @@ def count_heights(pixels, intrinsics, plane, bias):  # type: ignore[no-untyped-d
         slow = top + p * (bias[m, j] + q * (bias[m, n] - bias[m, j]) - top)
         z = 1.0 / (pixels[k, 2] - slow)
         h = height_over(plane, d, (u - cx) / fx, (v - cy) / fy, z)
-        bin_, band = int(abs(h) / HISTOGRAM_M), int(z / BAND_M)
-        if bin_ < HISTOGRAM_BINS and 0 <= band < _BANDS:
+        bin_, band = int(abs(h) / BIN_M), int(z / BAND_M)
+        if bin_ < BINS and 0 <= band < _BANDS:
             counts[0 if h <= 0.0 else 1, band, bin_] += 1
     return counts
 
@@ -76,11 +77,7 @@ def sigma_bands(counts, height):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _median(counts):  # type: ignore[no-untyped-def]
     """Median in m of what a histogram of heights holds."""
-    total, below, k = counts.sum(), counts[0], 0
-    while below < 0.5 * total:
-        k += 1
-        below += counts[k]
-    return (k + 0.5) * HISTOGRAM_M
+    return (median_bin(counts, counts.sum())[0] + 0.5) * BIN_M
 
 
 @njit(cache=True, nogil=True)

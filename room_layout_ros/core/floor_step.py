@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
 from .floor_level import height_over
+from .height_bins import median_bin
 
 _BAND_M, _BANDS = 0.05, 120
 _BIN_M, _BINS = 0.005, 100
@@ -125,11 +126,8 @@ def _profile(pixels, intrinsics, plane):  # type: ignore[no-untyped-def]
     for band in range(_BANDS):
         total = counts[band].sum()
         if total >= _LEAST_PIXELS:
-            below, k = 0, 0
-            while below + counts[band, k] < 0.5 * total:
-                below += counts[band, k]
-                k += 1
-            heights[band] = (k - _BINS + (0.5 * total - below) / counts[band, k]) * _BIN_M
+            k, before = median_bin(counts[band], total)
+            heights[band] = (k - _BINS + (0.5 * total - before) / counts[band, k]) * _BIN_M
             weight[band] = min(total, _MOST_PIXELS) / ((noise[band] / total) ** 2 + _UNEVEN_M**2)
     return heights, weight
 

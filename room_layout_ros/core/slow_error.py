@@ -10,12 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-BAND_M = 0.5
-"""Width of the bands of depth in which the noise of the height is measured."""
-
-HISTOGRAM_M = 0.001
-HISTOGRAM_BINS = 120
-"""Of heights over and under the floor: width of a bin in m, bins to either side."""
+from .height_bins import BAND_M, BIN_M, BINS, median_bin
 
 TILE_PX = 64
 """Side of the tiles."""
@@ -66,8 +61,8 @@ def _tile_errors(pixels, intrinsics, plane, sigma, shape):  # type: ignore[no-un
     """(rows, cols) median error of the inverse depth of floor pixels within three sigma; NaN where too few are."""
     fx, fy, cx, cy = intrinsics
     rows, cols = shape
-    counts = np.zeros((rows, cols, 2 * HISTOGRAM_BINS), np.int32)
-    errors = np.zeros((rows, cols, 2 * HISTOGRAM_BINS))
+    counts = np.zeros((rows, cols, 2 * BINS), np.int32)
+    errors = np.zeros((rows, cols, 2 * BINS))
     total = np.zeros((rows, cols), np.int64)
     d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
     for n in range(len(pixels)):
@@ -77,7 +72,7 @@ def _tile_errors(pixels, intrinsics, plane, sigma, shape):  # type: ignore[no-un
         h = d * error / w
         if abs(h) < 3.0 * s and pixels[n, 3] == 1.0:
             i, j = int(v) // TILE_PX, int(u) // TILE_PX
-            k = min(max(int(h / HISTOGRAM_M + HISTOGRAM_BINS), 0), 2 * HISTOGRAM_BINS - 1)
+            k = min(max(int(h / BIN_M + BINS), 0), 2 * BINS - 1)
             counts[i, j, k] += 1
             errors[i, j, k] += error
             total[i, j] += 1
@@ -85,10 +80,7 @@ def _tile_errors(pixels, intrinsics, plane, sigma, shape):  # type: ignore[no-un
     for i in range(rows):
         for j in range(cols):
             if total[i, j] >= _MIN_TILE_PIXELS:
-                below, k = 0, 0
-                while below + counts[i, j, k] < 0.5 * total[i, j]:
-                    below += counts[i, j, k]
-                    k += 1
+                k, _ = median_bin(counts[i, j], total[i, j])
                 measured[i, j] = errors[i, j, k] / counts[i, j, k]
     return measured
 
