@@ -292,15 +292,17 @@ def _decide(sums, corner, things, height, sigma, walls, view, focal, fit, limits
             touched = cell[OBSTACLE] >= _DOUBT_SHARE * least_area or (
                 beside and far == 0 and cell[TOUCHED] >= max(_TOUCH_SHARE * least_area, _TOUCH_PIXELS * pixel)
             )
+            flies = far == 0 and cell[FLYING] >= _FLYING_SHARE * least_area
             if thing[i, j] or hole:
                 grid[i, j] = OCCUPIED_CELL
             elif grid[i, j] != OCCUPIED_CELL:
-                flies = far == 0 and cell[FLYING] >= _FLYING_SHARE * least_area
                 suspect = raised or touched or gap or doubt[i, j] or flies
                 clear = not suspect and _is_floor(sums, i, j, least_seen, bridge_cells)
                 grid[i, j] = FREE_CELL if clear else UNKNOWN_CELL
             blind = cell[BLIND] >= _ALL_GAP
             stands = thing[i, j] or hole or blind or doubt[i, j]
+            if flies:
+                nearest[i, j] = r - 0.5 * size
             if not stands and not beside:
                 continue
             noise = band_sigma(noise_m, r) * r / distance
