@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from room_layout_ros.core.floor_pixels import OBSTACLE_PIXEL
 from room_layout_ros.core.frame import CameraIntrinsics
-from room_layout_ros.core.labels import CLUTTER
+from room_layout_ros.core.labels import FLOOR
 
 Ray = NDArray[np.float64]
 """Ahead, to the left and up in the room, per metre of depth."""
@@ -99,7 +99,7 @@ def naive_below(
                 thing = None
         if thing is None:
             thing, under = Thing(r, h, h, r, depth), v + 1
-            while under < camera.height and inverse[under, u] <= 0 and labels[under, u] == CLUTTER:
+            while under < camera.height and inverse[under, u] <= 0 and labels[under, u] != FLOOR:
                 under += 1
             below = ray(u, under)
             if h > stands and below[2] > 1e-6:
@@ -129,7 +129,7 @@ def naive_below(
             w, way = float(inverse[v, u]), ray(u, v)
             if kind[v, u] == OBSTACLE_PIXEL:
                 thing = meet(thing, u, v)
-            elif thing is not None and w <= 0 and labels[v, u] == CLUTTER:
+            elif thing is not None and w <= 0 and labels[v, u] != FLOOR:
                 thing = go_on(thing, u, way)
             elif thing is not None:
                 leave(thing, u, way, float(np.hypot(*way[:2])) / w if w > 0 else np.inf)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from room_layout_ros.core.floor_cells import FREE_CELL, UNKNOWN_CELL
 from room_layout_ros.core.floor_frame import floor_frame
 from room_layout_ros.core.floor_pixels import OBSTACLE_PIXEL, WALL_PIXEL
 from room_layout_ros.core.frame import CameraIntrinsics
-from room_layout_ros.core.labels import CLUTTER, FLOOR
+from room_layout_ros.core.labels import CLUTTER, FLOOR, FRONT_WALL
 from room_layout_ros.core.level_things import hide_below_level_things
 from room_layout_ros.datasets.synthetic import KINECT, NOISES, camera_pose, render
 from room_layout_ros.datasets.synthetic.shapes import Solid
@@ -50,6 +52,7 @@ def slabs(rng: np.random.Generator, T: NDArray[np.float64]) -> View:
     kind = np.where(thing & ~lost, OBSTACLE_PIXEL, WALL_PIXEL).astype(np.uint8)
     kind[lost] = 0
     labels = np.where(thing, CLUTTER, FLOOR).astype(np.uint8)
+    labels[lost & (rng.random(u.shape) < 0.5)] = FRONT_WALL
     at = rays[..., :2] / np.maximum(inverse, 1e-6)[..., None]
     j, i = (np.floor((at[..., k] - CORNER[k]) / CORNER[2]).astype(int) for k in range(2))
     inside = (i >= 0) & (j >= 0) & (i < SHAPE[0]) & (j < SHAPE[1]) & (inverse > 0)
@@ -105,6 +108,20 @@ def test_below_a_table_at_the_cameras_height_nothing_is_free(height: float, nois
     # its top covers 1.7-2.5 m ahead, 0.7 m to either side
     assert not (ahead_of(found, (1.75, 2.45), 0.65) == FREE_CELL).any()
     assert (ahead_of(found, (1.2, 1.5), 0.3) == FREE_CELL).mean() > 0.7  # stereo loses some floor
+
+
+@pytest.mark.parametrize("label", [CLUTTER, FRONT_WALL])
+def test_a_top_that_is_seen_flat_and_has_no_depth_hides_what_is_below_it_by_whatever_label(label: int) -> None:
+    """Its few rows of pixels belong to the superpixels of the wall behind it as often as to its edge's."""
+    top = Solid(0.7, 0.0, 0.0, 0.8, 1.4, 0.71, 0.75, 5, GREY, thing=1)
+    room = empty(top, *(box(0.7 + x, y, 0.05, 0.71) for x in (-0.35, 0.35) for y in (-0.65, 0.65)))
+    sample = render(room, KINECT, camera_pose(-1.4, 0.0, 0.8, 0.0, -0.15), NOISES["kinect"], np.random.default_rng(5))
+    estimate, depth_m = with_truth(sample), sample.frame.depth_m
+    assert depth_m is not None
+    lost = np.isnan(depth_m) & (estimate.labels == CLUTTER)
+    assert lost.sum() > 500
+    found = free_space_of(sample.frame, replace(estimate, labels=np.where(lost, label, estimate.labels)))
+    assert not (ahead_of(found, (1.75, 2.45), 0.65) == FREE_CELL).any()
 
 
 @pytest.mark.parametrize("noise", ["clean", "kinect", "stereo"])

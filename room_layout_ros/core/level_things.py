@@ -2,7 +2,7 @@
 
 A look up from the floor (`overhang.py`) needs a piece of the thing that is as high as a hand is long. Here each column
 of the picture is followed upwards instead, over the things that it meets. Below a thing is the floor under its pixels;
-that between two of them on one level; that under pixels without depth that are labelled as a thing and lie behind
+that between two of them on one level; that under pixels without depth that are not labelled as floor and lie behind
 its edge, for a sensor loses a top that it sees flat; so much behind the edge as a level surface may go on without one
 more pixel; and that before an underside which the picture cuts off.
 """
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .floor_cells import FREE_CELL, UNKNOWN_CELL
 from .floor_pixels import OBSTACLE_PIXEL, pixel_rays
 from .frame import CameraIntrinsics
-from .labels import CLUTTER
+from .labels import FLOOR
 
 _HANGS_M = 0.12
 """What begins lower stands on the floor: as far as it is seen, its cells hold its surface."""
@@ -142,7 +142,7 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
                 if follows[u] == _PIXEL:
                     below = _rows_to_depth(inverse, labels, v, u)
                     column[_UNDERSIDE] = _end_of_underside(up / w, (ax, ay, up), down, below)
-            elif w <= 0.0 and labels[v, u] == CLUTTER:
+            elif w <= 0.0 and labels[v, u] != FLOOR:
                 follows[u] = _go_on_without_depth(follows[u], column, rays, above_floor, over, u, corner)
             else:
                 _end(follows[u], column, along / w if w > 0.0 else np.inf, rays, above_floor, over, u, corner)
@@ -175,9 +175,9 @@ def _is_wide(inverse, kind, u, closer, wide_px):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _rows_to_depth(inverse, labels, v, u):  # type: ignore[no-untyped-def]
-    """Rows down to the first pixel that is no thing without depth: an underside seen flat loses its depth too."""
+    """Rows down to the first pixel with depth or of floor: an underside seen flat loses its depth too."""
     n = 1
-    while v + n < len(inverse) and inverse[v + n, u] <= 0.0 and labels[v + n, u] == CLUTTER:
+    while v + n < len(inverse) and inverse[v + n, u] <= 0.0 and labels[v + n, u] != FLOOR:
         n += 1
     return n
 
