@@ -54,11 +54,13 @@ def free_space_of(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorCon
     return result
 
 
-def ahead_of(free_space: FreeSpace, ahead: tuple[float, float], half_width: float) -> NDArray[np.int8]:
-    """Cells of a rectangle before the camera, m."""
+def ahead_of(
+    free_space: FreeSpace, ahead: tuple[float, float], half_width: float, left: float = 0.0
+) -> NDArray[np.int8]:
+    """Cells of a rectangle before the camera, its middle so far to the left, m."""
     (x0, y0), (rows, cols) = free_space.origin_m, free_space.grid.shape
     x, y = x0 + 0.05 * (np.arange(cols) + 0.5), y0 + 0.05 * (np.arange(rows) + 0.5)
-    return np.asarray(free_space.grid[np.ix_(np.abs(y) < half_width, (x > ahead[0]) & (x < ahead[1]))])
+    return np.asarray(free_space.grid[np.ix_(np.abs(y - left) < half_width, (x > ahead[0]) & (x < ahead[1]))])
 
 
 def empty(*solids: Solid) -> SyntheticRoom:

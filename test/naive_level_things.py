@@ -59,14 +59,15 @@ def naive_below(
     def is_wide(u: int, v: int) -> bool:
         def joined(a: int, b: int) -> bool:
             things = kind[v, a] == OBSTACLE_PIXEL and kind[v, b] == OBSTACLE_PIXEL
-            return bool(things and abs(1 / inverse[v, a] - 1 / inverse[v, b]) < 0.5 * corner[2])
+            return bool(things and abs(1 / inverse[v, a] - 1 / inverse[v, b]) < corner[2])
 
         left = right = u
         while left > 0 and joined(left, left - 1):
             left -= 1
         while right < camera.width - 1 and joined(right, right + 1):
             right += 1
-        return bool((right - left + 1) / camera.fx / inverse[v, right] >= 0.8)
+        seen = (right - left + 1) / camera.fx / inverse[v, u]
+        return bool(seen * 2 ** ((left == 0) + (right == camera.width - 1)) >= 0.8)
 
     def leave(thing: Thing | None, u: int, way: Ray, beyond: float) -> None:
         if thing is None or thing.pixels < 2 or min(thing.height, thing.lowest) < 0.12 or beyond < thing.reached:
@@ -81,9 +82,12 @@ def naive_below(
         mark(u, way, thing.reached, min(far, beyond))
 
     def leave_picture(thing: Thing, u: int) -> None:
+        if thing.pixels < 2 or thing.lost_from is not None or min(thing.height, thing.lowest) < 0.12:
+            return
         seen = thing.begin - thing.reached
-        hangs = min(thing.height, thing.lowest) >= 0.12 and thing.height - thing.lowest < 0.1
-        if thing.pixels > 1 and thing.lost_from is None and hangs and seen > 0:
+        if thing.wide and thing.lowest < stands:
+            mark(u, ray(u, 0), thing.reached, thing.reached + 0.9)
+        elif thing.height - thing.lowest < 0.1 and seen > 0:
             mark(u, ray(u, 0), max(thing.reached - min(0.6, 6 * seen), 0.0), thing.reached)
 
     def meet(thing: Thing | None, u: int, v: int) -> Thing:

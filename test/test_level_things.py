@@ -158,3 +158,16 @@ def test_below_a_desk_whose_front_rises_through_the_cameras_height_nothing_is_fr
     assert not (ahead_of(found, (1.5, 2.1), 0.65) == FREE_CELL).any()
     assert (ahead_of(found, (1.1, 1.25), 0.3) == FREE_CELL).all()
     assert (ahead_of(found, (2.8, 3.2), 0.3) == FREE_CELL).mean() > 0.5
+
+
+@pytest.mark.parametrize("noise", ["clean", "kinect"])
+def test_below_a_cupboard_cut_off_by_two_sides_of_the_picture_nothing_is_free(noise: str) -> None:
+    """Of a cupboard of 1.1 x 0.8 m that hangs 70 cm over the floor the picture shows 50 cm of its front."""
+    cupboard = Solid(0.7, -1.05, 0.0, 0.8, 1.1, 0.70, 1.7, 5, GREY, thing=1)
+    sample = render(
+        empty(cupboard), KINECT, camera_pose(-1.4, 0.0, 1.2, 0.0, -0.3), NOISES[noise], np.random.default_rng(5)
+    )
+    found = free_space_of(sample.frame, with_truth(sample))
+    # it covers 1.7-2.5 m ahead, 0.5-1.6 m to the right
+    assert not (ahead_of(found, (1.75, 2.45), 0.2, left=-0.75) == FREE_CELL).any()
+    assert (ahead_of(found, (1.5, 2.4), 0.3) == FREE_CELL).all()

@@ -33,6 +33,9 @@ _WIDE_M, _DESK_M = 0.8, 0.9
 """A front that rises through the camera's height, if it is as wide as the first, is no back of a chair but a desk or a
 cupboard, and may go on behind its edge for the second."""
 
+_CUT_OFF = 0.5
+"""Of its width has to be seen where a side of the picture cuts a thing off."""
+
 _LOW_M, _LONG_M = 0.40, 2.0
 """One that hangs lower than the first is a bed or a sofa, and may go on for the second."""
 
@@ -129,7 +132,7 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
             w, column = inverse[v, u], columns[u]
             goes_on = thing and follows[u] in (_PIXEL, _THING) and abs(w - column[_LAST]) < closer * w * column[_LAST]
             if goes_on and v % _ROWS == 0 and column[_LOWEST] >= _HANGS_M and column[_WIDE] == 0.0:
-                column[_WIDE] = _is_wide(inverse[v], kind[v], u, closer, wide_px)
+                column[_WIDE] = _is_wide(inverse[v], kind[v], u, np.float32(corner[2]), wide_px)
             if goes_on and (cell[v, u] < 0 or not free[cell[v, u]]):
                 column[_LAST], follows[u] = w, _THING
                 continue
@@ -156,20 +159,22 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
 
 
 @njit(cache=True, nogil=True)
-def _is_wide(inverse, kind, u, closer, wide_px):  # type: ignore[no-untyped-def]
-    """Whether the thing at a pixel of a row is wide there.
+def _is_wide(inverse, kind, u, step_m, wide_px):  # type: ignore[no-untyped-def]
+    """Whether the thing at a pixel of a row is wide there; cut off by a side of the picture, it may be twice as wide.
 
-    `closer` : by how much neighbours of one thing may differ in depth, m. `wide_px` : width in pixels at 1 m.
+    `step_m` : by how much neighbours of one thing may differ in depth, m. `wide_px` : width in pixels at 1 m.
     """
     pixels, enough = 1, wide_px * inverse[u]
     for step in (-1, 1):
         k = u + step
         while 0 <= k < len(inverse) and kind[k] == OBSTACLE_PIXEL and pixels < enough:
             before = inverse[k - step]
-            if abs(inverse[k] - before) >= closer * before * inverse[k]:
+            if abs(inverse[k] - before) >= step_m * before * inverse[k]:
                 break
             pixels += 1
             k += step
+        if k in (-1, len(inverse)):
+            enough *= _CUT_OFF
     return pixels >= enough
 
 
@@ -275,16 +280,22 @@ def _end(follows, column, beyond, rays, above_floor, over, u, corner):  # type: 
 
 @njit(cache=True, nogil=True)
 def _go_on_above_picture(column, ray, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
-    """Follow on what reaches the picture's upper side: an underside goes on nearer to the camera.
+    """Follow on what reaches the picture's upper side: a front behind itself, an underside towards the camera.
 
     `ray` : ahead, to the left and up per metre of depth, of the pixel there.
     """
     ax, ay, up = ray
     along, z = max(np.sqrt(ax * ax + ay * ay), _SIDEWAYS), 1.0 / column[_LAST]
     r, h, lowest = along * z, above_floor + up * z, column[_LOWEST]
-    seen = column[_BEGIN] - r
-    if min(h, lowest) >= _HANGS_M and h - lowest < _THIN_M and seen > 0.0:
-        _mark(over, u, (ax / along, ay / along), max(r - min(_TOWARDS_M, _TIMES_SEEN * seen), 0.0), r, corner)
+    if min(h, lowest) < _HANGS_M:
+        return
+    near, far, seen = r, r, column[_BEGIN] - r
+    if column[_WIDE] > 0.0 and lowest < above_floor:
+        far = r + _DESK_M
+    elif h - lowest < _THIN_M and seen > 0.0:
+        near = max(r - min(_TOWARDS_M, _TIMES_SEEN * seen), 0.0)
+    if near < far:
+        _mark(over, u, (ax / along, ay / along), near, far, corner)
 
 
 @njit(cache=True, nogil=True)
