@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from room_layout_ros.core.floor_pixels import OBSTACLE_PIXEL
 from room_layout_ros.core.frame import CameraIntrinsics
-from room_layout_ros.core.labels import FLOOR
+from room_layout_ros.core.labels import CLUTTER, FLOOR
 
 Ray = NDArray[np.float64]
 """Ahead, to the left and up in the room, per metre of depth."""
@@ -115,6 +115,9 @@ def naive_below(
         thing.height, thing.reached, thing.depth_m, thing.lost_from = h, r, depth, None
         return thing
 
+    def may_be_its(label: int, thing: Thing) -> bool:
+        return label == CLUTTER or (label != FLOOR and thing.height - thing.lowest < 0.1)
+
     def go_on(thing: Thing, u: int, way: Ray) -> Thing | None:
         if thing.height < 0.12 or thing.pixels < 2:
             return None
@@ -133,7 +136,7 @@ def naive_below(
             w, way = float(inverse[v, u]), ray(u, v)
             if kind[v, u] == OBSTACLE_PIXEL:
                 thing = meet(thing, u, v)
-            elif thing is not None and w <= 0 and labels[v, u] != FLOOR:
+            elif thing is not None and w <= 0 and may_be_its(int(labels[v, u]), thing):
                 thing = go_on(thing, u, way)
             elif thing is not None:
                 leave(thing, u, way, float(np.hypot(*way[:2])) / w if w > 0 else np.inf)

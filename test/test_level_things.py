@@ -124,6 +124,21 @@ def test_a_top_that_is_seen_flat_and_has_no_depth_hides_what_is_below_it_by_what
     assert not (ahead_of(found, (1.75, 2.45), 0.65) == FREE_CELL).any()
 
 
+@pytest.mark.parametrize(
+    ("label", "rows", "hides"), [(FRONT_WALL, 3, True), (FRONT_WALL, 16, False), (CLUTTER, 16, True)]
+)
+def test_what_has_no_depth_over_a_tall_thing_is_its_own_only_by_its_label(label: int, rows: int, hides: bool) -> None:
+    """A lamp that hangs 2 m ahead, 8 or 44 cm high, and five rows without depth over it."""
+    size = (CAMERA.height, CAMERA.width)
+    inverse, kind, labels = np.full(size, 0.2, np.float32), np.full(size, WALL_PIXEL), np.full(size, FRONT_WALL)
+    lamp, lost = np.s_[36 - rows : 36, 35:45], np.s_[31 - rows : 36 - rows, 35:45]
+    inverse[lamp], kind[lamp], labels[lamp] = 0.5, OBSTACLE_PIXEL, CLUTTER
+    inverse[lost], kind[lost], labels[lost] = 0.0, 0, label
+    view = inverse, kind.astype(np.uint8), labels.astype(np.uint8), np.full(size, -1, np.int32)
+    behind = int(2.5 / CORNER[2])
+    assert hidden(view, CAMERA, pose(0.0))[:, behind:].any() == hides
+
+
 @pytest.mark.parametrize("noise", ["clean", "kinect", "stereo"])
 def test_below_a_bed_nothing_is_free_up_to_where_it_ends(noise: str) -> None:
     """A bed of 1.4 x 2 m on legs of 32 cm, whose front alone a robot's low camera sees, and floor below it."""

@@ -2,9 +2,9 @@
 
 A look up from the floor (`overhang.py`) needs a piece of the thing that is as high as a hand is long. Here each column
 of the picture is followed upwards instead, over the things that it meets. Below a thing is the floor under its pixels;
-that between two of them on one level; that under pixels without depth that are not labelled as floor and lie behind
-its edge, for a sensor loses a top that it sees flat; so much behind the edge as a level surface may go on without one
-more pixel; and that before an underside which the picture cuts off.
+that between two of them on one level; that under pixels without depth behind its edge, for a sensor loses a top that it
+sees flat; so much behind the edge as a level surface may go on without one more pixel; and that before an underside
+which the picture cuts off.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .floor_cells import FREE_CELL, UNKNOWN_CELL
 from .floor_pixels import OBSTACLE_PIXEL, pixel_rays
 from .frame import CameraIntrinsics
-from .labels import FLOOR
+from .labels import CLUTTER, FLOOR
 
 _HANGS_M = 0.12
 """What begins lower stands on the floor: as far as it is seen, its cells hold its surface."""
@@ -145,7 +145,7 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
                 if follows[u] == _PIXEL:
                     below = _rows_to_depth(inverse, labels, v, u)
                     column[_UNDERSIDE] = _end_of_underside(up / w, (ax, ay, up), down, below)
-            elif w <= 0.0 and labels[v, u] != FLOOR:
+            elif w <= 0.0 and _may_be_its(labels[v, u], follows[u], column, rays, above_floor):
                 follows[u] = _go_on_without_depth(follows[u], column, rays, above_floor, over, u, corner)
             else:
                 _end(follows[u], column, along / w if w > 0.0 else np.inf, rays, above_floor, over, u, corner)
@@ -207,6 +207,16 @@ def _last_seen(follows, column, rays, above_floor):  # type: ignore[no-untyped-d
         return column[_RANGE], column[_HEIGHT]
     z = 1.0 / column[_LAST]
     return rays[4] * z, above_floor + rays[5] * z
+
+
+@njit(cache=True, nogil=True)
+def _may_be_its(label, follows, column, rays, above_floor):  # type: ignore[no-untyped-def]
+    """Whether a pixel without depth may be of the thing below it: of a top that is seen flat by any label but floor's,
+    for its few rows belong to the superpixels of what is behind as often.
+    """
+    if label in (CLUTTER, FLOOR):
+        return label == CLUTTER
+    return _last_seen(follows, column, rays, above_floor)[1] - column[_LOWEST] < _THIN_M
 
 
 @njit(cache=True, nogil=True)
