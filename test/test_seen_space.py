@@ -14,7 +14,7 @@ from room_layout_ros.datasets.synthetic.shapes import Solid
 LEGS = tuple(Solid(x, y, 0.0, 0.06, 0.06, 0.0, 0.83, 5, GREY, thing=1) for x in (1.0, 1.6) for y in (-0.7, 0.7))
 TABLE = (Solid(1.3, 0.0, 0.0, 0.7, 1.5, 0.83, 0.87, 5, GREY, thing=1), *LEGS)
 POSE = camera_pose(-1.6, 0.0, 1.3, 0.0, -0.62)
-"""Looks down by 36 degrees; the picture ends 0.81 m over the floor below the table's near edge, 0.67 m below its far one."""
+"""Looks down by 36 degrees; the picture ends 0.81 m over the floor at the table's near edge, 0.67 m at its far one."""
 
 
 @pytest.mark.parametrize("noise", ["clean", "kinect", "stereo"])
