@@ -16,8 +16,10 @@ _BEYOND_M = 3.0
 
 Furnish = Callable[[Scene, Place], None]
 Pair = tuple[float, float]
-Opening = tuple[float, float]
-"""From and to along a wall, 2.05 m high."""
+"""A place, or from and to."""
+
+_DOOR_M = 2.05
+"""Height of openings, which are from and to along a wall."""
 
 
 def ground(s: Scene, x: Pair, y: Pair, top: float = 0.0, look: things.Look | None = None) -> None:
@@ -25,7 +27,7 @@ def ground(s: Scene, x: Pair, y: Pair, top: float = 0.0, look: things.Look | Non
     part.box(sum(x) / 2, sum(y) / 2, top - 2.0, top, x[1] - x[0], y[1] - y[0], look or s.floor)
 
 
-def put_wall(s: Scene, start: Pair, end: Pair, openings: Sequence[Opening] = (), skirt: bool = False) -> None:
+def put_wall(s: Scene, start: Pair, end: Pair, openings: Sequence[Pair] = (), skirt: bool = False) -> None:
     """Build a wall, the room on the left of its way from start to end."""
     along = np.subtract(end, start)
     long = float(np.hypot(*along))
@@ -39,13 +41,13 @@ def put_wall(s: Scene, start: Pair, end: Pair, openings: Sequence[Opening] = (),
     done = -0.1
     for a, b in openings:
         piece(done, a, -2.0)
-        piece(a, b, 2.05)
+        piece(a, b, _DOOR_M)
         done = b
     piece(done, long + 0.1, -2.0)
 
 
 def enclose(
-    s: Scene, openings: Sequence[Sequence[Opening]] = ((), (), ()), beyond_m: float = 0.0, skirt: bool = True
+    s: Scene, openings: Sequence[Sequence[Pair]] = ((), (), ()), beyond_m: float = 0.0, skirt: bool = True
 ) -> None:
     """Build walls and ceiling, with openings of the right, front and left wall; other walls `beyond_m` behind these."""
     x, y = s.length_m, s.width_m
@@ -201,10 +203,10 @@ def glass_door(s: Scene) -> None:
     enclose(s, ((), [(a, b)], ()), _BEYOND_M)
     part, frame = s.thing("glass door"), replace(DARK if s.maybe() else PALE, role=rc.WALL)
     part.box(s.length_m + 0.05, (a + b) / 2, 0.06, 1.99, 0.01, b - a - 0.1, things.CLEAR_GLASS)
-    for low, high in ((0.0, 0.06), (1.99, 2.05)):
+    for low, high in ((0.0, 0.06), (1.99, _DOOR_M)):
         part.box(s.length_m + 0.05, (a + b) / 2, low, high, 0.05, b - a, frame)
     for y in (a + 0.025, b - 0.025):
-        part.box(s.length_m + 0.05, y, 0, 2.05, 0.05, 0.05, frame)
+        part.box(s.length_m + 0.05, y, 0, _DOOR_M, 0.05, 0.05, frame)
     put(s, things.bin_, 1, 0.16)
 
 

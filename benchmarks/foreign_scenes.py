@@ -32,6 +32,7 @@ from benchmarks._ray_caster import THING
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, free_space_of_frame
 from room_layout_ros.core.labels import FRONT_WALL, LEFT_WALL, RIGHT_WALL
+from room_layout_ros.evaluation.free_space import ratio
 from room_layout_ros.evaluation.measures import confusion, error, score_pixels
 
 SEEDS = 4
@@ -62,7 +63,7 @@ class Row:
 
     @property
     def iou(self) -> float:
-        return float(self.pool[0] / self.pool[1]) if self.pool[1] else float("nan")
+        return ratio(self.pool)
 
     def add(self, other: Row) -> None:
         for name in ("layout", "labels", "pool", "free", "wrong", "things", "missed"):

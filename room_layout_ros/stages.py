@@ -19,7 +19,7 @@ from .core.estimate import RoomEstimate
 from .core.floor_plane import FloorPlane
 from .core.frame import RgbdFrame
 from .core.tracking import TemporalPrior
-from .core.working_size import resize_frame
+from .core.working_size import resize_frame, resize_keeping
 from .floor_check import FloorCheck
 from .floor_pose import FloorPose
 from .inputs import ImageItem, assemble, foreign_cameras
@@ -121,7 +121,7 @@ class NodeStages:
                 f"floor_frame is empty, so the floor's frame is {floor[:80]!r}, which is robot_frame too; "
                 "the floor below the camera needs a frame of its own: set floor_frame",
             )
-        return resize_frame(frame, settings.estimator.config.working_size_px)
+        return resize_keeping(frame, settings.estimator.config.working_size_px)
 
     def expect_floor(self, frame: RgbdFrame, settings: Settings) -> FloorPlane | None:
         """Say where the floor is expected, and which way is down."""

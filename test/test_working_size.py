@@ -16,7 +16,14 @@ from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.core.freespace import free_space_of_frame
 from room_layout_ros.core.picture import draw_overlay
-from room_layout_ros.core.working_size import resize_estimate, resize_frame, restore_estimate, working_factors
+from room_layout_ros.core.working_size import (
+    original_of,
+    resize_estimate,
+    resize_frame,
+    resize_keeping,
+    restore_estimate,
+    working_factors,
+)
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import CLEAN, KINECT, NOISES, camera_pose, random_pose, random_scene, render
 from room_layout_ros.evaluation.stages import look_at
@@ -238,8 +245,9 @@ def test_free_space_is_that_of_the_reduced_frame() -> None:
 
 def test_a_scene_shows_what_the_camera_sent_at_its_size() -> None:
     sample, estimator = furnished(HD, 3), LayoutEstimator()
-    small = resize_frame(sample.frame, 640)
-    assert resize_frame(small, 640) is small
+    small = resize_keeping(sample.frame, 640)
+    assert resize_keeping(small, 640) is small
+    assert original_of(resize_frame(sample.frame, 640)) is not sample.frame  # nobody else holds on to large images
     scene = Scene(small, estimator.estimate(small), NodeConfig(), estimator.config)
     assert scene.frame is sample.frame
     whole = estimator.estimate(sample.frame)

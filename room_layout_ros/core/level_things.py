@@ -119,7 +119,7 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
     first, hidden = np.full(grid.shape, -1, np.int32), np.zeros(grid.shape, np.bool_)
     over = first, hidden
     above_floor = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
-    closer = np.float32(0.5 * corner[2])
+    closer, side = np.float32(0.5 * corner[2]), np.float32(corner[2])
     follows, columns = np.zeros(width, np.uint8), np.zeros((width, 8))
     wide_px = np.float32(intrinsics[0] * _WIDE_M)
     for v in range(height - 1, -1, -1):
@@ -132,7 +132,7 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
             w, column = inverse[v, u], columns[u]
             goes_on = thing and follows[u] in (_PIXEL, _THING) and abs(w - column[_LAST]) < closer * w * column[_LAST]
             if goes_on and v % _ROWS == 0 and column[_LOWEST] >= _HANGS_M and column[_WIDE] == 0.0:
-                column[_WIDE] = _is_wide(inverse[v], kind[v], u, np.float32(corner[2]), wide_px)
+                column[_WIDE] = _is_wide(inverse[v], kind[v], u, side, wide_px)
             if goes_on and (cell[v, u] < 0 or not free[cell[v, u]]):
                 column[_LAST], follows[u] = w, _THING
                 continue

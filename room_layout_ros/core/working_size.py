@@ -73,7 +73,15 @@ def resize_frame(frame: RgbdFrame, working_size_px: int) -> RgbdFrame:
         color = block_means(color, shrink) if shrink > 1 else _enlarge_color(color, camera)
     if depth_m is not None:
         depth_m = _reduce_depth(depth_m, shrink) if shrink > 1 else _enlarge_depth(np.ascontiguousarray(depth_m), grow)
-    return ResizedFrame(camera, color, depth_m, frame.stamp_ns, frame.frame_id, frame.name, frame)
+    return replace(frame, camera=camera, color=color, depth_m=depth_m)
+
+
+def resize_keeping(frame: RgbdFrame, working_size_px: int) -> RgbdFrame:
+    """Return the frame at the working size, which remembers the one it was made of (`original_of`)."""
+    small = resize_frame(frame, working_size_px)
+    if small is frame:
+        return frame
+    return ResizedFrame(small.camera, small.color, small.depth_m, frame.stamp_ns, frame.frame_id, frame.name, frame)
 
 
 def original_of(frame: RgbdFrame) -> RgbdFrame:

@@ -8,7 +8,7 @@ Things of which the picture shows not one pixel are counted apart: a single fram
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -117,21 +117,22 @@ class FreeSpaceScore:
     @property
     def iou(self) -> float:
         """Of this frame; NaN where nothing is free."""
-        return _ratio(self.pool)
+        return ratio(self.pool)
 
     @property
     def iou_plain(self) -> float:
         """Of this frame, no margin in the truth."""
-        return _ratio(self.pool_plain)
+        return ratio(self.pool_plain)
 
     @property
     def iou_measured(self) -> float:
         """Of this frame, cells without depth left out."""
-        return _ratio(self.pool_measured)
+        return ratio(self.pool_measured)
 
 
-def _ratio(pool: tuple[int, int]) -> float:
-    return pool[0] / pool[1] if pool[1] else float("nan")
+def ratio(pool: Sequence[int] | NDArray[np.int64]) -> float:
+    """Return the intersection over the union of cells; NaN where nothing is free."""
+    return float(pool[0] / pool[1]) if pool[1] else float("nan")
 
 
 def _pool(truth: NDArray[np.bool_], called: NDArray[np.bool_]) -> tuple[int, int]:
