@@ -96,8 +96,10 @@ class Stages:
 
     def complain(self, cause: str, sentence: str) -> None:
         self.complaints[cause] += 1
+        self.step("complain")
 
     def now_ns(self) -> int:
+        self.step("now_ns")
         return T0 + 50 * MS
 
 
@@ -174,7 +176,7 @@ def test_f13_the_newest_frame_wins_when_input_is_too_fast(session: EstimatorSess
     assert (health.made, health.published, health.dropped) == (1000, 2, {"newer frame": 998})
 
 
-@pytest.mark.parametrize("stage", ("assemble", "estimate", "publish"))
+@pytest.mark.parametrize("stage", ("assemble", "estimate", "publish", "now_ns"))
 @pytest.mark.parametrize(
     "error", (RuntimeError("boom"), MemoryError(), KeyError("x"), ValueError("bad"), ZeroDivisionError())
 )
@@ -192,6 +194,32 @@ def test_f40_an_exception_loses_its_frame_only(
     send(session, 2)
     assert settled(session).published == 2
     assert stages.published[-1] == T0 + 66 * MS
+
+
+@pytest.mark.parametrize("stage", ("assemble", "estimate", "publish", "now_ns"))
+def test_f40_a_log_that_fails_too_does_not_end_the_worker(
+    session: EstimatorSession, stages: Stages, stage: str
+) -> None:
+    session.add_camera(CAMERA_STREAM, 0, "camera")
+    stages.broken = {stage: RuntimeError("boom"), "complain": OSError("no log")}
+    send(session, 0)
+    assert settled(session).dropped == {"error": 1}
+    assert "complain" not in stages.broken
+    send(session, 1)
+    assert settled(session).published == 1
+
+
+def test_f40_a_frame_that_fails_while_it_is_counted_is_counted_once(
+    session: EstimatorSession, stages: Stages, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session.add_camera(CAMERA_STREAM, 0, "camera")
+    with monkeypatch.context() as patch:
+        patch.setattr(session._pairs, "stages_ms", None)
+        send(session, 0)
+        wait_for(lambda: session._pairs.in_flight == 0)
+        assert (session._pairs.published, session._pairs.dropped) == (0, {"error": 1})
+    send(session, 1)
+    assert settled(session).published == 1
 
 
 def test_f40_a_failed_warm_up_is_told_and_survived(stages: Stages) -> None:

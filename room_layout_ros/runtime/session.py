@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -263,13 +264,18 @@ class EstimatorSession:
             if sentence:
                 self._pairs.last_drop = sentence
         if sentence:
-            self._stages.complain(reason, sentence)
+            self._tell(reason, sentence)
+
+    def _tell(self, cause: str, sentence: str) -> None:
+        """Complain from the worker thread, which a log that fails must not end."""
+        with suppress(Exception):
+            self._stages.complain(cause, sentence)
 
     def _warm_up(self) -> None:
         try:
             self._stages.warm_up(self._rules.settings)
         except Exception as error:  # noqa: BLE001
-            self._stages.complain("warm-up", f"warm-up failed ({type(error).__name__}: {error}); expect a slow start")
+            self._tell("warm-up", f"warm-up failed ({type(error).__name__}: {error}); expect a slow start")
 
     def _work(self, job: _Job) -> None:
         """Estimate one pair, whatever happens: this is the guarded edge of the worker thread."""
@@ -310,16 +316,15 @@ class EstimatorSession:
         return _Result(job, frame, estimate, floor, rules.settings, (decoded - start) * 1e-6, scale)
 
     def _send(self, result: _Result) -> None:
-        """Publish one result, whatever happens."""
-        start, outcome = self._clock(), None
+        """Publish and count one result, whatever happens."""
         try:
+            start, outcome = self._clock(), None
             if result.estimate.cuboid is not None:
                 outcome = self._stages.publish(result.frame, result.estimate, result.floor, result.settings)
-        except Exception as error:  # noqa: BLE001
-            self._lose(result.job, error)
-        else:
             own_ms = {"decode": result.decode_ms, "outputs": (self._clock() - start) * 1e-6}
             self._finish(result, {**result.estimate.timings_ms, **own_ms}, outcome)
+        except Exception as error:  # noqa: BLE001
+            self._lose(result.job, error)
 
     def _lose(self, job: _Job, error: Exception) -> None:
         self._dropped(job, "error", f"{type(error).__name__} in the estimator: {error}; this frame is lost")
@@ -346,15 +351,16 @@ class EstimatorSession:
             pairs.frame_id = result.frame.frame_id
             if floor is not None:
                 pairs.count_floor(floor, now)
-            if estimate.cuboid is not None:
-                pairs.published += 1
-                pairs.metric = estimate.metric
-                pairs.rate.tick(now)
-            else:
-                pairs.no_estimate[estimate.status.value] += 1
             pairs.latencies_ms.append((now - result.job.arrival_ns) * 1e-6)
             pairs.note_age(age_ms)
             pairs.stages_ms.append(stages_ms)
+            # Last: whatever raises before is an error, and the pair is counted as that alone.
+            if estimate.cuboid is not None:
+                pairs.metric = estimate.metric
+                pairs.rate.tick(now)
+                pairs.published += 1
+            else:
+                pairs.no_estimate[estimate.status.value] += 1
 
 
 def _with_gravity(prior: TemporalPrior | None, floor: FloorPlane | None) -> TemporalPrior | None:
