@@ -163,6 +163,23 @@ class TestLevelOfCamera:
         labels[380:, :wide], picture[380:, :wide] = label, color
         return level_of_camera(inverse, labels, picture, self.intrinsics, self.plane)
 
+    @pytest.mark.parametrize("rows", [480, 120, 96, 95, 94, 90, 72, 61, 60, 47, 46, 24, 17, 14])
+    def test_nearer_floor_is_the_level_however_few_the_rows(self, rows: int) -> None:
+        """Camera 0.8 m over a floor that fills the lower third; the plane is that of one 0.3 m below."""
+        v, focal, down = np.arange(rows) - 0.5 * rows, 1.07 * rows, np.array([0.0, np.cos(0.35), np.sin(0.35)])
+        fall = np.maximum(down[1] * v / focal + down[2], 0.0)
+        inverse = np.where(np.arange(rows) >= 0.67 * rows, fall / 0.8, fall / 1.1)
+        picture = np.repeat(inverse.astype(np.float32)[:, None], 160, axis=1)
+        labels = np.full(picture.shape, FLOOR, np.uint8)
+        level_m = level_of_camera(picture, labels, None, (focal, focal, 79.5, 0.5 * rows), down / 1.1)
+        assert level_m == pytest.approx(0.3, abs=0.051)
+
+    @pytest.mark.parametrize(
+        ("rise_m", "higher"), [(0.0, False), (0.08, False), (0.095, False), (0.105, True), (0.12, True)]
+    )
+    def test_a_level_from_ten_centimetres_on_is_another(self, rise_m: float, higher: bool) -> None:
+        assert (self.look(rise_m, FLOOR, 100) > 0.0) == higher
+
     def test_a_floor_alone_is_the_level(self) -> None:
         assert self.look(0.0, FLOOR, 100) == 0.0
 

@@ -16,7 +16,7 @@ from .labels import FLOOR
 
 _STRIDE = 2
 _LOWEST_PART, _LAST_PART = 6, 48
-"""The lowest sixth of the picture is looked at; its last rows are a forty-eighth."""
+"""The lowest sixth of the picture is looked at; its last rows are a forty-eighth, and one of `_STRIDE` at least."""
 
 _LAYER_M, _FARTHEST_M = 0.05, 2.0
 _LAYERS = int(2 * _FARTHEST_M / _LAYER_M)
@@ -24,8 +24,8 @@ _LAYERS = int(2 * _FARTHEST_M / _LAYER_M)
 _LOWER_FROM_M, _LOWER_SHARE = 0.25, 0.003
 """A level layer so far below the plane, in the lowest sixth and of this share of the picture, is the floor."""
 
-_UPPER_FROM_M, _UPPER_SHARE = 0.08, 0.6
-"""A level layer so far above it that fills this share of the last rows may be it."""
+_UPPER_FROM_M, _UPPER_SHARE = 0.10, 0.6
+"""Two layers that begin so far above it, or farther, and fill this share of the last rows may be it."""
 
 _LEAST_FLOOR_SHARE = 0.3
 """A plane with a smaller share of pixels labelled floor is no floor: so were seven of the 223 NYU frames looked at, and
@@ -61,7 +61,7 @@ def level_of_camera(
         return float("nan")
     if len(below) and below.max() * _STRIDE**2 >= _LOWER_SHARE * labels.size:
         return float("nan")
-    first = middle + int(np.ceil(_UPPER_FROM_M / _LAYER_M))
+    first = middle + round(_UPPER_FROM_M / _LAYER_M)
     best = first + int(np.argmax(last[first:-1] + last[first + 1 :]))
     layer = two[best]
     if last[best : best + 2].sum() <= _UPPER_SHARE * last.sum():
@@ -86,7 +86,7 @@ def _layers(inverse, labels, color, intrinsics, plane):  # type: ignore[no-untyp
     height, width = inverse.shape
     on_plane, layers, last = np.zeros(5, np.int64), np.zeros((_LAYERS, 5), np.int64), np.zeros(_LAYERS)
     d = 1.0 / np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
-    lowest = height - height // _LOWEST_PART
+    lowest, last_rows = height - max(height // _LOWEST_PART, _STRIDE), height - max(height // _LAST_PART, _STRIDE)
     rays, high = (np.arange(0.0, width, _STRIDE) - cx) / fx, np.empty((width + _STRIDE - 1) // _STRIDE)
     for v in range(0, height, _STRIDE):
         _row_heights(inverse[v, ::_STRIDE], rays, (v - cy) / fy, plane, d, high)
@@ -97,7 +97,7 @@ def _layers(inverse, labels, color, intrinsics, plane):  # type: ignore[no-untyp
             if v >= lowest and inverse[v, u] > 0.0:
                 layer = min(max(int(np.floor((h + _FARTHEST_M) / _LAYER_M)), 0), _LAYERS - 1)
                 _add(layers[layer], labels[v, u], color[v, u])
-                last[layer] += v >= height - height // _LAST_PART
+                last[layer] += v >= last_rows
     return on_plane.astype(np.float64), layers.astype(np.float64), last
 
 
