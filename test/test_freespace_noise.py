@@ -10,11 +10,11 @@ from furnished import CONFIG, GREY, box, empty, free_space_of, with_truth
 from numpy.typing import NDArray
 
 from room_layout_ros.core.depth import DepthGeometry, compute_depth_geometry
-from room_layout_ros.core.depth_holes import BRIDGED, close_holes
+from room_layout_ros.core.depth_holes import BRIDGED, GAP, close_holes
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.floor_plane import FloorFit, fit_floor
 from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, compute_free_space
-from room_layout_ros.core.labels import CLUTTER
+from room_layout_ros.core.labels import CLUTTER, FLOOR, FRONT_WALL
 from room_layout_ros.core.thing_surfaces import smooth_things
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import CLEAN, KINECT, STEREO_NOISE, SyntheticRoom, camera_pose, render
@@ -153,6 +153,29 @@ def test_the_warm_up_frame_has_a_hole_in_the_floor_that_the_picture_closes() -> 
     assert geometry is not None
     estimate = LayoutEstimator(CONFIG).estimate(frame)
     assert (close_holes(geometry.inverse_depth, estimate.labels, frame.color).kind == BRIDGED).any()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (5, 12), (7, 64), (7, 7), (6, 99), (64, 7), (8, 64), (48, 64)])
+@pytest.mark.parametrize("missing", [(), ((0, 0),)], ids=("nothing", "one pixel"))
+def test_where_the_floor_has_no_hole_none_is_bridged_whatever_the_size(
+    size: tuple[int, int], missing: tuple[tuple[int, int], ...]
+) -> None:
+    inverse = np.full(size, 0.5, np.float32)
+    for pixel in missing:
+        inverse[pixel] = 0.0
+    labels, color = np.full(size, FRONT_WALL, np.uint8), np.zeros((*size, 3), np.uint8)
+    holes = close_holes(inverse, labels, color)
+    assert np.array_equal(holes.kind == GAP, inverse == 0.0)
+    assert np.array_equal(holes.inverse_depth, inverse)
+
+
+@pytest.mark.parametrize("size", [(1, 9), (5, 12), (7, 7), (7, 64), (64, 7)])
+def test_a_hole_in_the_floor_of_a_small_picture_is_bridged(size: tuple[int, int]) -> None:
+    inverse = np.full(size, 0.5, np.float32)
+    inverse[0, 3] = 0.0
+    kind = close_holes(inverse, np.full(size, FLOOR, np.uint8), np.zeros((*size, 3), np.uint8)).kind
+    assert kind[0, 3] == BRIDGED
+    assert np.count_nonzero(kind) == 1
 
 
 def test_stereo_noise_is_that_of_these_tests() -> None:

@@ -77,7 +77,9 @@ def _contrast(color: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 @njit(cache=True, nogil=True)
 def _find_holes(inverse, labels):  # type: ignore[no-untyped-def]
-    """Kinds with all holes open, the depth with those in things filled, and the part that has holes in the floor."""
+    """Kinds with all holes open, the depth with those in things filled, and the part that has holes in the floor: its
+    rows and columns, none where the floor has no hole.
+    """
     height, width = inverse.shape
     kind = np.zeros((height, width), np.uint8)
     filled = inverse.copy()
@@ -99,6 +101,8 @@ def _find_holes(inverse, labels):  # type: ignore[no-untyped-def]
             elif label == FLOOR:
                 first_row, last_row = min(first_row, v), max(last_row, v)
                 first_col, last_col = min(first_col, first), max(last_col, u)
+    if last_row < 0:
+        return kind, filled, (0, 0, 0, 0)
     part = (
         max(first_row - _RIM_PX, 0), min(last_row + 1 + _RIM_PX, height),
         max(first_col - _RIM_PX, 0), min(last_col + _RIM_PX, width),
