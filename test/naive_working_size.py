@@ -16,7 +16,7 @@ def naive_reduced_depth(depth_m: NDArray[np.float32], step: int) -> NDArray[np.f
     for i in range(rows):
         for j in range(cols):
             block = depth_m[i * step : (i + 1) * step, j * step : (j + 1) * step].ravel().astype(np.float64)
-            from_middle = np.roll(block, -(step * step // 2))
+            from_middle = np.roll(block, -(step // 2 * step + step // 2))
             measured = from_middle[np.isfinite(from_middle) & (from_middle > 0.0)]
             if measured.size:
                 near = 3.0 * (0.01 + 0.0019 * measured[0] ** 2)

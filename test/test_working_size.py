@@ -21,6 +21,7 @@ from room_layout_ros.core.working_size import (
     resize_estimate,
     resize_frame,
     resize_keeping,
+    resize_labels,
     restore_estimate,
     working_factors,
 )
@@ -119,6 +120,20 @@ def test_no_depth_lies_between_a_thing_and_the_wall_behind_it(camera: CameraIntr
     resized = resize_frame(RgbdFrame(camera, None, depth), 640).depth_m
     assert resized is not None
     assert set(np.unique(resized)) == {1.5, 3.0}
+
+
+@pytest.mark.parametrize("step", [2, 3, 4, 6])
+def test_depth_and_label_of_a_block_are_of_one_surface(step: int) -> None:
+    """A thing on one row and column of each block, before a wall: a block labelled as the thing has its depth."""
+    camera = CameraIntrinsics(160 * step, 120 * step, 130.0 * step, 130.0 * step, 80.0 * step, 60.0 * step)
+    for row, column in np.ndindex(step, step):
+        depth = np.full((camera.height, camera.width), 3.0, np.float32)
+        labels = np.full(depth.shape, 4, np.uint8)
+        depth[row::step], labels[row::step] = 1.5, 6
+        depth[:, column::step], labels[:, column::step] = 1.5, 6
+        reduced = resize_frame(RgbdFrame(camera, None, depth), 160).depth_m
+        assert reduced is not None
+        np.testing.assert_array_equal(reduced == 1.5, resize_labels(labels, camera, 160) == 6)
 
 
 def test_depth_of_a_surface_loses_noise() -> None:

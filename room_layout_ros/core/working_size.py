@@ -163,12 +163,13 @@ def _reduce_depth(depth_m: NDArray[np.float32], step: int) -> NDArray[np.float32
     rows, cols = (side // step for side in depth_m.shape)
     blocks = depth_m[: rows * step, : cols * step].reshape(rows, step, cols, step)
     planes = np.ascontiguousarray(blocks.transpose(1, 3, 0, 2)).reshape(step * step, rows * cols)
-    return np.asarray(_mean_on_surface(planes).reshape(rows, cols), np.float32)
+    middle_plane = (step // 2) * (step + 1)  # of the pixel whose label `_resize_labels` takes
+    return np.asarray(_mean_on_surface(planes, middle_plane).reshape(rows, cols), np.float32)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _mean_on_surface(planes):  # type: ignore[no-untyped-def]
-    """(n,) mean of the depths that lie on one surface with that of the middle plane, or the first plane that has one.
+def _mean_on_surface(planes, middle_plane):  # type: ignore[no-untyped-def]
+    """(n,) mean of the depths that lie on one surface with that of the middle plane, or of the next that has one.
 
     `planes` : (k, n) float32, a pixel of each of n blocks in a plane: so the loops run on vectors.
     """
@@ -180,7 +181,7 @@ def _mean_on_surface(planes):  # type: ignore[no-untyped-def]
         total = mean[first:last]
         middle[:] = 0.0
         for m in range(k):
-            depths = planes[(k // 2 + m) % k, first:last]
+            depths = planes[(middle_plane + m) % k, first:last]
             for i in range(last - first):
                 first_found = (middle[i] == 0.0) & (depths[i] > 0.0) & (depths[i] < np.inf)
                 middle[i] = depths[i] if first_found else middle[i]
