@@ -34,15 +34,20 @@ def floor_frame(normal: NDArray[np.float64], distance_m: float) -> NDArray[np.fl
 def view_fan(camera: CameraIntrinsics, T_camera_floor: NDArray[np.float64]) -> tuple[float, float]:
     """Return the bearings of what is in the picture, the rightmost and the leftmost, within the half circle ahead.
 
-    Radians counter-clockwise from ahead. Those of the corners: of a camera that looks down or hangs on its side they
-    are not those of the picture's sides.
+    Radians counter-clockwise from ahead. Those of the corners that lie ahead: of a camera that looks down or hangs on
+    its side they are not those of the picture's sides. Where the picture's border passes the camera it ends the half
+    circle on that side; a bearing of a corner behind would not tell on which. Of a picture of which nothing lies ahead
+    the whole half circle.
     """
-    u = np.array([-0.5, camera.width - 0.5, -0.5, camera.width - 0.5])
+    u = np.array([-0.5, camera.width - 0.5, camera.width - 0.5, -0.5])  # along the border
     v = np.array([-0.5, -0.5, camera.height - 0.5, camera.height - 0.5])
     rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(4)], axis=1)
     ahead, left, _ = (rays @ T_camera_floor[:3, :3]).T
-    bearings = np.clip(np.arctan2(left, ahead), -0.5 * np.pi, 0.5 * np.pi)
-    return float(bearings.min()), float(bearings.max())
+    is_ahead, next_ahead, next_left = ahead > 0.0, np.roll(ahead, -1), np.roll(left, -1)
+    passes = is_ahead != (next_ahead > 0.0)
+    beside = (left * next_ahead - next_left * ahead) * (next_ahead - ahead)  # has the sign of left where ahead is 0
+    bearings = np.append(np.arctan2(left, ahead)[is_ahead], np.copysign(0.5 * np.pi, beside[passes]))
+    return (float(bearings.min()), float(bearings.max())) if len(bearings) else (-0.5 * np.pi, 0.5 * np.pi)
 
 
 def walls_on_floor(cuboid: RoomCuboid | None, T_camera_floor: NDArray[np.float64]) -> NDArray[np.float64]:
