@@ -31,8 +31,8 @@ class FloorCheck:
 
     Parameters
     ----------
-    geometry : DepthGeometry or None
-        Of the frame; without it nothing is said.
+    geometry : DepthGeometry
+        Of the frame.
     labels : (H, W) uint8
         Of the estimate.
     floor : FloorPlane or None
@@ -42,7 +42,7 @@ class FloorCheck:
 
     def __init__(
         self,
-        geometry: DepthGeometry | None,
+        geometry: DepthGeometry,
         labels: NDArray[np.uint8],
         floor: FloorPlane | None,
         config: EstimatorConfig,
@@ -56,8 +56,6 @@ class FloorCheck:
         Either floor is seen, by its label; or so much is measured through the given floor, below it, that there is
         none. Labels alone do not tell: with a wrong tilt they name a wall or the ceiling so, or nothing.
         """
-        if self._geometry is None:
-            return False
         seen = np.count_nonzero((self._labels == FLOOR) & (self._geometry.inverse_depth > 0))
         least = max(self._config.floor_min_share * self._labels.size, _LEAST_PIXELS)
         return bool(seen >= least) or self._sees_through
@@ -80,7 +78,7 @@ class FloorCheck:
     @property
     def has_level_floor(self) -> bool:
         """Whether what is labelled floor lies level below the camera by the direction that is given."""
-        if self._geometry is None or self._floor is None:
+        if self._floor is None:
             return False
         points = self._geometry.points(_STRIDE)[self._labels[::_STRIDE, ::_STRIDE] == FLOOR].astype(np.float64)
         points = points[np.isfinite(points[:, 2])]
@@ -104,9 +102,9 @@ class FloorCheck:
     def _over_floor(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
         """Of a grid of measured pixels: height over the given floor, depth, and that of the floor along the ray.
 
-        The last is below 0 where the ray meets none. None without depth or a floor that is given whole.
+        The last is below 0 where the ray meets none. None without a floor that is given whole.
         """
-        if self._geometry is None or self._floor is None or not np.isfinite(self._floor.distance_m):
+        if self._floor is None or not np.isfinite(self._floor.distance_m):
             return None
         points = self._geometry.points(_STRIDE).reshape(-1, 3).astype(np.float64)
         points = points[np.isfinite(points[:, 2])]

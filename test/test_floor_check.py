@@ -37,7 +37,9 @@ def check(
     node = NodeConfig(pose_source="parameters", **told)
     floor = FloorPose(lambda *_: None).expect("camera", 1, node)
     config = EstimatorConfig()
-    return FloorCheck(compute_depth_geometry(frame, config), labels, floor, config)
+    geometry = compute_depth_geometry(frame, config)
+    assert geometry is not None
+    return FloorCheck(geometry, labels, floor, config)
 
 
 UPSIDE_DOWN, ON_ITS_SIDE = {"camera_roll_deg": 180.0}, {"camera_roll_deg": -90.0}
