@@ -16,7 +16,7 @@ TOPICS = {COLOR: "/rgb", DEPTH: "/depth", CAMERA: "/info"}
 FACTS = NodeFacts(inputs={s: InputFacts(t, publishers=1) for s, t in TOPICS.items()}, listening_s=60.0)
 FLOWING = StreamHealth(received=300, paired=300, rate_hz=30.0, silence_s=0.02, usable_silence_s=0.02)
 HEALTHY = Health(
-    streams=dict.fromkeys(TOPICS, FLOWING), made=300, published=300, rate_hz=30.0, silence_s=0.02, pair_silence_s=0.02,
+    streams=dict.fromkeys(TOPICS, FLOWING), made=300, published=300, rate_hz=30.0, pair_silence_s=0.02,
     latency_p50_ms=20.0,
 )  # fmt: skip
 BEFORE = replace(HEALTHY, made=270, published=270)
@@ -153,7 +153,7 @@ def test_two_publishers_are_a_warning() -> None:
     assert (found.level, found.message) == (Level.WARN, "2 publishers on /rgb; there should be one")
 
 
-APART = replace(HEALTHY, made=270, published=270, silence_s=8.0, pair_silence_s=8.0, turns_apart=40)
+APART = replace(HEALTHY, made=270, published=270, pair_silence_s=8.0, turns_apart=40)
 
 
 def test_streams_that_do_not_meet_are_explained() -> None:

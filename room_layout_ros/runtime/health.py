@@ -80,7 +80,6 @@ class Health:
     turns_apart: int = 0
     """How often usable messages of one stream followed the other's since the last pair or refusal."""
     rate_hz: float = 0.0
-    silence_s: float = float("inf")
     pair_silence_s: float = float("inf")
     """Time since the last pair."""
     latency_p50_ms: float = float("nan")
@@ -214,7 +213,6 @@ class PairCount:
             resets=self.resets,
             turns_apart=turns_apart,
             rate_hz=self.rate.hz(now_ns),
-            silence_s=self.rate.silence_s(now_ns),
             pair_silence_s=self.pairs.silence_s(now_ns),
             latency_p50_ms=quantile(self.latencies_ms, 0.5),
             latency_p99_ms=quantile(self.latencies_ms, 0.99),
