@@ -74,7 +74,7 @@ def test_sums_equal_their_naive_twin() -> None:
     assert sample.truth.down_camera is not None
     T = floor_frame(sample.truth.down_camera, sample.truth.camera_height_m)
     walls = walls_on_floor(sample.truth.cuboid, T)
-    fit = FloorFit(sample.truth.down_camera, sample.truth.camera_height_m, np.full(24, 0.007), np.zeros((1, 1)), 1, "")
+    fit = FloorFit(sample.truth.down_camera, sample.truth.camera_height_m, np.full(24, 0.007), np.zeros((1, 1)), "")
     holes = close_holes(geometry.inverse_depth, np.full(geometry.inverse_depth.shape, FLOOR, np.uint8), None)
     labels = np.full(geometry.inverse_depth.shape, FLOOR, np.uint8)
     labels[:, 20:40] = CLUTTER
@@ -478,7 +478,6 @@ def test_an_object_is_a_box_of_its_size() -> None:
     assert geometry is not None
     (found,) = compute_object_cuboids(geometry, with_truth(sample), result, CONFIG)
     assert found.nyu40 == 6
-    assert found.share > 0.95
     np.testing.assert_allclose(found.center_m[:2], [2.0, 0.2], atol=0.04)
     assert sorted(found.size_m[:2].round(2)) == pytest.approx([0.4, 0.6], abs=0.05)
     assert found.center_m[2] + found.size_m[2] / 2 == pytest.approx(0.7, abs=0.03)

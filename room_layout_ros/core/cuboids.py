@@ -37,7 +37,6 @@ class ObjectCuboid:
     size_m : (3,) float64 along its own x, its own y and z; all above 0.
     yaw : float, radians, of its own x axis in the floor frame, -pi/4..pi/4.
     nyu40 : class of most of its classified pixels, 0 where none is classified.
-    share : of its pixels that have that class, 0..1.
     points : number of pixels it is made of (one in four is looked at).
     """
 
@@ -45,7 +44,6 @@ class ObjectCuboid:
     size_m: NDArray[np.float64]
     yaw: float
     nyu40: int
-    share: float
     points: int
 
 
@@ -89,19 +87,17 @@ def _box(points: NDArray[np.float32], classes: NDArray[np.uint8]) -> ObjectCuboi
     low, high = _extent(points, c, s)
     middle, size = (low + high) / 2, np.maximum(high - low, 0.01)
     center = np.array([c * middle[0] - s * middle[1], s * middle[0] + c * middle[1], middle[2]])
-    nyu40, pixels = _most_frequent(classes)
-    return ObjectCuboid(center, size, yaw, nyu40, pixels / len(classes), len(points))
+    return ObjectCuboid(center, size, yaw, _most_frequent(classes), len(points))
 
 
 @njit(cache=True, nogil=True)
 def _most_frequent(classes):  # type: ignore[no-untyped-def]
-    """The class that most classified pixels have, and how many; 0 where none is classified."""
+    """The class that most classified pixels have; 0 where none is classified."""
     count = np.zeros(256, np.int64)
     for k in range(len(classes)):
         count[classes[k]] += 1
     count[0] = 0
-    best = np.argmax(count)
-    return best, count[best]
+    return np.argmax(count)
 
 
 @njit(cache=True, nogil=True)

@@ -100,7 +100,6 @@ class FloorFit:
     sigma_m : (24,) float64 standard deviation of the height of floor pixels, per `BAND_M` of depth Z.
     bias : (rows, cols) float64, 1/m, slow error of the inverse depth in the middle of each tile of `TILE_PX`, measured
         on the floor and smoothly carried on beyond it.
-    pixels : how many support it (0: taken over from the prior as it is).
     source : of the start, with "+depth" where the depth image refined it.
     """
 
@@ -108,7 +107,6 @@ class FloorFit:
     distance_m: float
     sigma_m: NDArray[np.float64]
     bias: NDArray[np.float64]
-    pixels: int
     source: str
 
 
@@ -199,7 +197,7 @@ def _fit(
     sigma = sigma_bands(count_heights(pixels[:coarse], intrinsics, plane, flat), 1.0 / length)
     bias = measure_slow_error(pixels, intrinsics, plane, sigma, flat.shape)
     sigma = sigma_bands(count_heights(pixels, intrinsics, plane, bias), 1.0 / length)
-    return FloorFit(plane / length, 1.0 / length, sigma, bias, support, f"{start.source}+depth")
+    return FloorFit(plane / length, 1.0 / length, sigma, bias, f"{start.source}+depth")
 
 
 def _is_near(fit: FloorFit, prior: FloorPlane, tolerance_m: float) -> bool:
@@ -303,7 +301,7 @@ def _height_along(geometry: DepthGeometry, floor: NDArray[np.bool_], normal: NDA
 
 def _as_given(prior: FloorPlane, camera: CameraIntrinsics) -> FloorFit:
     flat = np.zeros(tiles(camera.height, camera.width))
-    return FloorFit(prior.normal, prior.distance_m, usual_sigma(prior.distance_m), flat, 0, prior.source)
+    return FloorFit(prior.normal, prior.distance_m, usual_sigma(prior.distance_m), flat, prior.source)
 
 
 @njit(cache=True, nogil=True)
