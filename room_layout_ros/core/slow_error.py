@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from .height_bins import BAND_M, BIN_M, BINS, median_bin
 
@@ -43,9 +42,23 @@ def measure_slow_error(pixels, intrinsics, plane, sigma, shape):  # type: ignore
     return _carried_on(_tile_errors(pixels, intrinsics, plane, sigma, shape))
 
 
-def remove_bias(inverse_depth: NDArray[np.float32], bias: NDArray[np.float64]) -> None:
-    """Take the slow error of the sensor (`FloorFit.bias`) off the inverse depth (H, W) in place; 0 stays 0."""
-    _remove(inverse_depth, bias)
+@njit(cache=True, nogil=True)
+def remove_bias(inverse, bias):  # type: ignore[no-untyped-def]
+    """Take the slow error of the sensor (`FloorFit.bias`) off the inverse depth (H, W) float32 in place; 0 stays 0."""
+    height, width = inverse.shape
+    column = np.empty(bias.shape[1], np.float32)
+    before, after = np.empty(width, np.int32), np.empty(width, np.int32)
+    share, slow = np.empty(width, np.float32), np.empty(width, np.float32)
+    for u in range(width):
+        before[u], after[u], share[u] = between_tiles(u, bias.shape[1])
+    for v in range(height):
+        if v % _SLOW_ROWS == 0:
+            i, m, p = between_tiles(v, bias.shape[0])
+            for j in range(bias.shape[1]):
+                column[j] = bias[i, j] + p * (bias[m, j] - bias[i, j])
+            for u in range(width):
+                slow[u] = column[before[u]] + share[u] * (column[after[u]] - column[before[u]])
+        _take_off(inverse[v], slow)
 
 
 @njit(cache=True, nogil=True)
@@ -101,24 +114,6 @@ def _carried_on(measured):  # type: ignore[no-untyped-def]
                             weight += 1.0
                     field[i, j] = total / weight
     return field
-
-
-@njit(cache=True, nogil=True)
-def _remove(inverse, bias):  # type: ignore[no-untyped-def]
-    height, width = inverse.shape
-    column = np.empty(bias.shape[1], np.float32)
-    before, after = np.empty(width, np.int32), np.empty(width, np.int32)
-    share, slow = np.empty(width, np.float32), np.empty(width, np.float32)
-    for u in range(width):
-        before[u], after[u], share[u] = between_tiles(u, bias.shape[1])
-    for v in range(height):
-        if v % _SLOW_ROWS == 0:
-            i, m, p = between_tiles(v, bias.shape[0])
-            for j in range(bias.shape[1]):
-                column[j] = bias[i, j] + p * (bias[m, j] - bias[i, j])
-            for u in range(width):
-                slow[u] = column[before[u]] + share[u] * (column[after[u]] - column[before[u]])
-        _take_off(inverse[v], slow)
 
 
 @njit(cache=True, nogil=True)
