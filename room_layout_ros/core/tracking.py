@@ -24,8 +24,7 @@ class TemporalPrior:
     gravity: NDArray[np.float64] | None = None
 
 
-def next_prior(estimate: RoomEstimate, gravity: NDArray[np.float64] | None = None) -> TemporalPrior:
-    """Return the prior for the next frame; an estimate without axes hands on nothing but gravity."""
+def next_prior(estimate: RoomEstimate) -> TemporalPrior:
+    """Return the prior for the next frame; an estimate without axes hands on nothing."""
     found = estimate.status in (Status.OK, Status.DEADLINE)  # the axes come before what a deadline cuts short
-    axes = estimate.R_room_camera if found else None
-    return TemporalPrior(axes, gravity)
+    return TemporalPrior(estimate.R_room_camera if found else None)
