@@ -12,6 +12,7 @@ from room_layout_ros.core.floor_cells import FREE_CELL, UNKNOWN_CELL
 from room_layout_ros.core.floor_pixels import (
     BEYOND_PIXEL,
     FLOOR_PIXEL,
+    FLYING_PIXEL,
     HOLE_PIXEL,
     NOTHING,
     OBSTACLE_PIXEL,
@@ -58,6 +59,7 @@ def naive_cells(
                 continue
             if point[2] > threshold:
                 if 2 <= u < camera.width - 2 and _hangs(*(float(geometry.inverse_depth[v, u + s]) for s in (-2, 0, 2))):
+                    kinds[v, u] = FLYING_PIXEL
                     continue
                 gaps = [c - a * point[0] - b * point[1] for a, b, c, _ in walls]
                 on_wall = any(g < tolerance for g in gaps) and labels[v, u] != CLUTTER

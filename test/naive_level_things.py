@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from room_layout_ros.core.floor_pixels import OBSTACLE_PIXEL
+from room_layout_ros.core.floor_pixels import FLYING_PIXEL, NOTHING, OBSTACLE_PIXEL
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import CLUTTER, FLOOR
 
@@ -97,7 +97,12 @@ def naive_below(
             closer = thing.lost_from is None and abs(depth - thing.depth_m) < 0.5 * corner[2]
             if closer and v % 16 == 0 and thing.lowest >= 0.12:
                 thing.wide = thing.wide or is_wide(u, v)
-            near = abs(r - thing.reached) < 0.5 if thing.lost_from is None else r > thing.reached - 0.1
+            below, step = ray(u, v + 1), 0.0
+            if way[2] < -1e-6 and h < stands - 1e-6:
+                step = min(1.5 * (r - float(np.hypot(*below[:2])) * (h - stands) / below[2]), 1.8)
+            near = r > thing.reached - 0.1
+            if thing.lost_from is None:
+                near = thing.reached - 0.5 < r < thing.reached + max(0.5, step)
             if not closer and not (near and abs(h - thing.height) < 0.08):
                 leave(thing, u, way, r)
                 thing = None
@@ -134,16 +139,26 @@ def naive_below(
         thing: Thing | None = None
         for v in range(camera.height - 1, -1, -1):
             w, way = float(inverse[v, u]), ray(u, v)
-            if kind[v, u] == OBSTACLE_PIXEL:
+            flies = kind[v, u] == FLYING_PIXEL
+            higher = kind[v, u] == NOTHING and w > 0 and thing is not None and thing.lost_from is None
+            if higher and thing is not None:
+                higher = abs(1 / w - thing.depth_m) < 0.5 * corner[2]
+            if kind[v, u] == OBSTACLE_PIXEL or higher:
                 thing = meet(thing, u, v)
-            elif thing is not None and w <= 0 and may_be_its(int(labels[v, u]), thing):
+            elif thing is not None and (w <= 0 or flies) and may_be_its(int(labels[v, u]), thing):
                 thing = go_on(thing, u, way)
             elif thing is not None:
-                leave(thing, u, way, float(np.hypot(*way[:2])) / w if w > 0 else np.inf)
+                leave(thing, u, way, float(np.hypot(*way[:2])) / w if w > 0 and not flies else np.inf)
                 thing = None
         if thing is not None:
             leave_picture(thing, u)
     hidden = np.zeros(shape, np.bool_)
     for cell, seen_by in columns.items():
         hidden[cell] = len(seen_by) > 1
+    begun, beside = hidden.copy(), round(0.3 / corner[2])
+    for (i, j), seen_by in columns.items():
+        if begun[i, j] and 0 in seen_by:
+            hidden[i : i + beside + 1, j] = True
+        if begun[i, j] and camera.width - 1 in seen_by:
+            hidden[max(i - beside, 0) : i + 1, j] = True
     return hidden

@@ -83,7 +83,7 @@ def test_sums_equal_their_naive_twin() -> None:
         geometry, labels, T, 0.007, walls, cells.sums.shape[:2], 0.05, (0.02, 3.5, 2.0)
     )
     assert np.array_equal(cells.kind, kinds)
-    assert np.count_nonzero(np.bincount(kinds.ravel(), minlength=6)) == 6, "every kind of pixel must occur"
+    assert np.count_nonzero(np.bincount(kinds.ravel(), minlength=7)) == 7, "every kind of pixel must occur"
     np.testing.assert_allclose(cells.sums[..., SEEN], seen, rtol=1e-4, atol=1e-5)
     np.testing.assert_allclose(cells.sums[..., OBSTACLE], obstacle, rtol=1e-4, atol=1e-5)
     np.testing.assert_allclose(cells.sums[..., HOLE], hole, rtol=1e-4, atol=1e-5)

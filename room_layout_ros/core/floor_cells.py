@@ -247,7 +247,7 @@ def _add_row(inverse, labels, rays, camera, places, noise_at, limits, grid, kind
             sums[i, j, HEIGHT] += h
             sums[i, j, FLOOR_PIXELS] += np.float32(1.0)
         elif what >= FLYING_PIXEL:
-            kinds[u] = NOTHING if what == FLYING_PIXEL else OBSTACLE_PIXEL
+            kinds[u] = FLYING_PIXEL if what == FLYING_PIXEL else OBSTACLE_PIXEL
             across, ahead = (y - y0) * per_metre, (x - x0) * per_metre
             i, j = int(np.floor(across)), int(np.floor(ahead))
             if i < 0 or j < 0 or i >= rows or j >= cols:

@@ -13,8 +13,9 @@ from numba import njit
 from .floor_noise import PER_METRE, STEPS
 from .labels import CLUTTER
 
-NOTHING, FLOOR_PIXEL, OBSTACLE_PIXEL, WALL_PIXEL, HOLE_PIXEL, BEYOND_PIXEL = range(6)
-"""Kinds of pixels: not measured or over the robot, floor, thing, wall of the room, below the floor, beyond a wall."""
+NOTHING, FLOOR_PIXEL, OBSTACLE_PIXEL, WALL_PIXEL, HOLE_PIXEL, BEYOND_PIXEL, FLYING_PIXEL = range(7)
+"""Kinds of pixels: not measured or over the robot, floor, thing, wall of the room, below the floor, beyond a wall,
+between a near and a far surface: of neither, or of a level top that is seen flat."""
 
 _ON_WALL_M = 0.02
 _ON_WALL_SIGMAS = 3.0
@@ -38,8 +39,8 @@ _TINY = np.float32(1e-6)
 DOWN = -1e-3
 """Rays that do not fall by more than this meet no floor."""
 
-FLYING_PIXEL, LOW_THING, HIGH_THING, UNSURE = 6, 7, 8, 9
-"""Kinds while a row is sorted: flying pixels, two kinds of things, and pixels that float32 cannot tell."""
+LOW_THING, HIGH_THING, UNSURE = 7, 8, 9
+"""Kinds while a row is sorted: two kinds of things, and pixels that float32 cannot tell."""
 
 _SURE = np.float32(1e-5)
 """Part of a threshold by which a pixel has to be away from it to be told in float32."""

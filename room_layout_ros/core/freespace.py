@@ -37,6 +37,7 @@ from .sight_lines import in_line_of_sight
 from .slow_error import remove_bias
 from .stage_clock import StageClock
 from .thing_surfaces import smooth_things
+from .upright import Turn
 from .wall_lines import refine_walls
 from .working_size import resize_estimate, resize_frame
 
@@ -103,6 +104,36 @@ def compute_free_space(
         None where no floor is in view and none is given.
     """
     color = color if config.use_color else None
+    turn = Turn.upright(_down(estimate, floor))
+    if turn.quarters == 0:
+        return _of_upright(geometry, estimate, config, floor, color)
+    floor = None if floor is None else replace(floor, normal=turn.rotation @ floor.normal)
+    color = None if color is None else turn.image(color)
+    found = _of_upright(turn.geometry(geometry), turn.estimate(estimate), config, floor, color)
+    return None if found is None else _turned_back(found, turn)
+
+
+def _down(estimate: RoomEstimate, floor: FloorPlane | None) -> NDArray[np.float64]:
+    """(3,) down in the camera frame, as far as known before the floor is fitted."""
+    return estimate.R_room_camera[1] if floor is None else floor.normal
+
+
+def _turned_back(space: FreeSpace, turn: Turn) -> FreeSpace:
+    """What lies in the camera frame, in that of the camera before the turn."""
+    T = space.T_camera_floor.copy()
+    T[:3] = turn.rotation.T @ T[:3]
+    back = turn.rotation.astype(np.float32)
+    return replace(space, T_camera_floor=T, obstacles=space.obstacles @ back, floor=space.floor @ back)
+
+
+def _of_upright(
+    geometry: DepthGeometry,
+    estimate: RoomEstimate,
+    config: EstimatorConfig,
+    floor: FloorPlane | None,
+    color: NDArray[np.uint8] | None,
+) -> FreeSpace | None:
+    """Free space of a frame in whose picture down is down."""
     seen = _measure(geometry, estimate, config, floor, color)
     if seen is None:
         return None

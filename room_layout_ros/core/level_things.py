@@ -15,15 +15,16 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .floor_cells import FREE_CELL, UNKNOWN_CELL
-from .floor_pixels import OBSTACLE_PIXEL, pixel_rays
+from .floor_pixels import FLYING_PIXEL, NOTHING, OBSTACLE_PIXEL, pixel_rays
 from .frame import CameraIntrinsics
 from .labels import CLUTTER, FLOOR
 
 _HANGS_M = 0.12
 """What begins lower stands on the floor: as far as it is seen, its cells hold its surface."""
 
-_SAME_LEVEL_M, _SAME_RANGE_M = 0.08, 0.5
-"""The next pixel up is of the same thing if it is no farther from the last in height, and over the floor."""
+_SAME_LEVEL_M, _SAME_RANGE_M, _ROWS_APART = 0.08, 0.5, 1.5
+"""The next pixel up is of the same thing if it is no farther from the last in height, and over the floor; or, of a top
+that is seen flat, no more than so many times as far as it goes from one row to the next."""
 
 _THIN_M, _DEEP_M, _SHALLOW_M = 0.10, 1.2, 0.1
 """The edge of a level surface is no higher than the first. Behind its farthest pixel such a surface may go on for the
@@ -48,6 +49,9 @@ times what is seen of it."""
 
 _DEEPEST_M = 1.5
 """So far a surface goes on over pixels without depth."""
+
+_BESIDE_M = 0.3
+"""What a side of the picture cuts off goes on so far beside it: a camera that looks down sees floor there."""
 
 _CLOSING = np.ones((3, 3), np.uint8)
 """Between two hidden cells there is no free one."""
@@ -84,31 +88,10 @@ def hide_below_level_things(
     kind, cell : (H, W) uint8 and int32 of `sum_floor_cells`. labels : (H, W) uint8 of the estimate.
     corner : x and y of the lower corner of cell (0, 0), and the side of a cell; m.
     """
-    images, intrinsics, T = _upright((inverse_depth, kind, labels, cell), camera, T_camera_floor)
-    below = _follow_columns(*images, intrinsics, T, corner, grid)
+    intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
+    below = _follow_columns(inverse_depth, kind, labels, cell, intrinsics, T_camera_floor, corner, grid)
     closed = cv2.morphologyEx(below.astype(np.uint8), cv2.MORPH_CLOSE, _CLOSING)
     grid[(closed > 0) & (grid == FREE_CELL)] = UNKNOWN_CELL
-
-
-Images = tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int32]]
-
-
-def _upright(
-    images: Images, camera: CameraIntrinsics, T: NDArray[np.float64]
-) -> tuple[Images, tuple[float, float, float, float], NDArray[np.float64]]:
-    """Turn images, intrinsics and pose by quarters until down in the room is down in the picture."""
-    intrinsics, height_width = (camera.fx, camera.fy, camera.cx, camera.cy), (camera.height, camera.width)
-    quarters = 0
-    while -T[1, 2] < abs(T[0, 2]):
-        fx, fy, cx, cy = intrinsics
-        intrinsics, T = (fy, fx, cy, height_width[1] - 1 - cx), np.stack([T[1], -T[0], T[2]])
-        height_width = height_width[::-1]
-        quarters += 1
-    inverse, kind, labels, cell = images
-    if quarters:
-        inverse, kind = np.rot90(inverse, quarters).copy(), np.rot90(kind, quarters).copy()
-        labels, cell = np.rot90(labels, quarters).copy(), np.rot90(cell, quarters).copy()
-    return (inverse, kind, labels, cell), intrinsics, np.ascontiguousarray(T[:3])
 
 
 @njit(cache=True, nogil=True)
@@ -117,7 +100,8 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
     height, width = inverse.shape
     free = grid.ravel() == FREE_CELL
     first, hidden = np.full(grid.shape, -1, np.int32), np.zeros(grid.shape, np.bool_)
-    over = first, hidden
+    by_side = np.zeros((2, *grid.shape), np.bool_)
+    over = first, hidden, by_side, width - 1
     above_floor = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
     closer, side = np.float32(0.5 * corner[2]), np.float32(corner[2])
     follows, columns = np.zeros(width, np.uint8), np.zeros((width, 8))
@@ -126,11 +110,13 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
         ax0, ax1, ay0, ay1, az0, az1 = pixel_rays(T, intrinsics, v)
         down = T[1, 0] / intrinsics[1], T[1, 1] / intrinsics[1], T[1, 2] / intrinsics[1]  # from a pixel to that below
         for u in range(width):
-            thing = kind[v, u] == OBSTACLE_PIXEL
-            if not thing and follows[u] == _NOTHING:
+            what, w, column = kind[v, u], inverse[v, u], columns[u]
+            if what != OBSTACLE_PIXEL and follows[u] == _NOTHING:
                 continue
-            w, column = inverse[v, u], columns[u]
-            goes_on = thing and follows[u] in (_PIXEL, _THING) and abs(w - column[_LAST]) < closer * w * column[_LAST]
+            # what rises over the robot's height is no obstacle there, but the same thing
+            goes_on = what == OBSTACLE_PIXEL or (what == NOTHING and w > 0.0)
+            goes_on &= follows[u] in (_PIXEL, _THING) and abs(w - column[_LAST]) < closer * w * column[_LAST]
+            thing, lost = what == OBSTACLE_PIXEL or goes_on, w <= 0.0 or what == FLYING_PIXEL
             if goes_on and v % _ROWS == 0 and column[_LOWEST] >= _HANGS_M and column[_WIDE] == 0.0:
                 column[_WIDE] = _is_wide(inverse[v], kind[v], u, side, wide_px)
             if goes_on and (cell[v, u] < 0 or not free[cell[v, u]]):
@@ -145,16 +131,17 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
                 if follows[u] == _PIXEL:
                     below = _rows_to_depth(inverse, labels, v, u)
                     column[_UNDERSIDE] = _end_of_underside(up / w, (ax, ay, up), down, below)
-            elif w <= 0.0 and _may_be_its(labels[v, u], follows[u], column, rays, above_floor):
+            elif lost and _may_be_its(labels[v, u], follows[u], column, rays, above_floor):
                 follows[u] = _go_on_without_depth(follows[u], column, rays, above_floor, over, u, corner)
             else:
-                _end(follows[u], column, along / w if w > 0.0 else np.inf, rays, above_floor, over, u, corner)
+                _end(follows[u], column, np.inf if lost else along / w, rays, above_floor, over, u, corner)
                 follows[u] = _NOTHING
     ax0, ax1, ay0, ay1, az0, az1 = pixel_rays(T, intrinsics, 0)
     for u in range(width):
         if follows[u] == _THING:
             ray = ax0 + ax1 * u, ay0 + ay1 * u, az0 + az1 * u
             _go_on_above_picture(columns[u], ray, above_floor, over, u, corner)
+    _go_on_beside_picture(hidden, by_side, int(np.rint(_BESIDE_M / corner[2])))
     return hidden
 
 
@@ -231,7 +218,8 @@ def _meet(follows, goes_on, column, w, rays, above_floor, over, u, corner):  # t
     last, same = r, goes_on
     if follows != _NOTHING:
         last, last_height = _last_seen(follows, column, rays, above_floor)
-        near = r > last - _SHALLOW_M if follows == _NO_DEPTH else abs(r - last) < _SAME_RANGE_M
+        farthest = max(_SAME_RANGE_M, _ROWS_APART * _to_next_row(r, h - above_floor, rays))
+        near = r > last - _SHALLOW_M if follows == _NO_DEPTH else -_SAME_RANGE_M < r - last < farthest
         same = goes_on or (near and abs(h - last_height) < _SAME_LEVEL_M)
     if not same:
         _end(follows, column, r, rays, above_floor, over, u, corner)
@@ -240,6 +228,15 @@ def _meet(follows, goes_on, column, w, rays, above_floor, over, u, corner):  # t
         _mark(over, u, rays, last, r, corner)
     column[_LAST] = w
     return _THING if same else _PIXEL
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _to_next_row(r, level, rays):  # type: ignore[no-untyped-def]
+    """How far a level surface, so high over the camera, goes from the row below to this one, where it is seen flat."""
+    _, _, _, up, along_below, up_below = rays
+    if up > -_LEVEL or level > -_LEVEL:
+        return 0.0
+    return min(r - along_below * level / up_below, _DEEP_M)
 
 
 @njit(cache=True, nogil=True)
@@ -309,12 +306,25 @@ def _go_on_above_picture(column, ray, above_floor, over, u, corner):  # type: ig
 
 
 @njit(cache=True, nogil=True)
+def _go_on_beside_picture(hidden, by_side, cells):  # type: ignore[no-untyped-def]
+    """Hide so many cells to the left of what the leftmost column hides, and to the right of what the rightmost does."""
+    rows, cols = hidden.shape
+    begun = hidden.copy()
+    for i in range(rows):
+        for j in range(cols):
+            if begun[i, j] and by_side[0, i, j]:
+                hidden[i : i + cells + 1, j] = True
+            if begun[i, j] and by_side[1, i, j]:
+                hidden[max(i - cells, 0) : i, j] = True
+
+
+@njit(cache=True, nogil=True)
 def _mark(over, u, rays, near, far, corner):  # type: ignore[no-untyped-def]
     """Mark the cells along a ray from one distance to another; those marked by two columns are hidden.
 
     `rays` : begins with the unit vector over the floor, ahead and to the left.
     """
-    first, hidden = over
+    first, hidden, by_side, last = over
     x0, y0, size = corner
     rows, cols = first.shape
     steps = int(2.0 * abs(far - near) / size) + 1
@@ -324,3 +334,5 @@ def _mark(over, u, rays, near, far, corner):  # type: ignore[no-untyped-def]
         if 0 <= i < rows and 0 <= j < cols:
             hidden[i, j] |= first[i, j] >= 0 and first[i, j] != u
             first[i, j] = u
+            if u in (0, last):
+                by_side[min(u, 1), i, j] = True
