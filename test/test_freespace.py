@@ -21,6 +21,7 @@ from room_layout_ros.core.floor_plane import FloorFit, FloorPlane, fit_floor
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, FreeSpace, compute_free_space
 from room_layout_ros.core.labels import CLUTTER, FLOOR
+from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.overhang import hide_overhung
 from room_layout_ros.core.slow_error import remove_bias
 from room_layout_ros.datasets.sample import Sample
@@ -501,3 +502,19 @@ def test_without_colour_the_picture_is_not_looked_at() -> None:
     blind = free_space_of(replace(frame, color=None), with_truth(sample), config)
     assert np.array_equal(free_space_of(frame, with_truth(sample), config).grid, blind.grid)
     assert not np.array_equal(free_space_of(frame, with_truth(sample)).grid, blind.grid)
+
+
+def test_walls_of_the_room_are_no_things_with_the_floor_beyond_them_either() -> None:
+    sample = render(empty(), KINECT, camera_pose(-1.4, 0.0, 1.2, 0.0, -0.35))
+    truth, open_walls = with_truth(sample), replace(CONFIG, free_beyond_walls=True)
+    closed, opened = (free_space_of(sample.frame, truth, config) for config in (CONFIG, open_walls))
+    assert len(closed.obstacles) == len(opened.obstacles) == 0
+    assert (opened.grid == OCCUPIED_CELL).sum() > 50
+    free = closed.grid == FREE_CELL
+    assert (opened.grid[free] == FREE_CELL).mean() > 0.99
+    # with a wall found a metre too near, there is floor behind it, and things
+    assert truth.cuboid is not None
+    near = RoomCuboid(truth.cuboid.R_room_camera, truth.cuboid.distances - np.array([0.0, 0.0, 0.0, 1.0, 0.0]))
+    behind = free_space_of(sample.frame, replace(truth, cuboid=near), open_walls)
+    assert (behind.grid[free] == FREE_CELL).mean() > 0.95
+    assert len(behind.obstacles) > 1000

@@ -23,6 +23,7 @@ from .floor_pixels import (
     DOWN,
     FLOOR_PIXEL,
     FLYING_PIXEL,
+    HIGH_THING,
     HOLE_PIXEL,
     LOW_THING,
     NOTHING,
@@ -112,7 +113,8 @@ def sum_floor_cells(
     labels : (H, W) uint8 of the estimate: clutter on a wall is a thing.
     fit : FloorFit
     T_camera_floor : (4, 4) float64, `floor_frame` of the fit.
-    walls : (n, 4) float64 of `walls_on_floor`; what lies on them is wall, what lies beyond does not count.
+    walls : (n, 4) float64 of `walls_on_floor`; what lies on them is wall, what lies beyond does not count. With
+        `free_beyond_walls` a wall stands where its pixels are, and what lies beyond are things.
     """
     size = config.free_space_resolution_m
     cols, rows = round(config.free_space_forward_m / size), 2 * round(config.free_space_side_m / size)
@@ -121,13 +123,13 @@ def sum_floor_cells(
     sums, stands, kind, cell = _sum_cells(
         geometry.inverse_depth, hole_kind, labels, (c.fx, c.fy, c.cx, c.cy), T_camera_floor,
         (fit.distance_m, fit.sigma_m), walls, (*origin, size), (rows, cols),
-        (config.obstacle_min_height_m, config.obstacle_noise_factor, config.robot_height_m),
+        (config.obstacle_min_height_m, config.obstacle_noise_factor, config.robot_height_m), config.free_beyond_walls,
     )  # fmt: skip
     return FloorCells(size, origin, sums, stands, kind, cell)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _sum_cells(inverse, hole_kind, labels, intrinsics, T, fit, walls, corner, shape, limits):  # type: ignore[no-untyped-def]
+def _sum_cells(inverse, hole_kind, labels, intrinsics, T, fit, walls, corner, shape, limits, past_walls):  # type: ignore[no-untyped-def]
     distance, sigma = fit
     x0, y0, size = corner
     rows, cols = shape
@@ -155,7 +157,7 @@ def _sum_cells(inverse, hole_kind, labels, intrinsics, T, fit, walls, corner, sh
         if _has_holes(hole_kind[v]):
             _add_holes(hole_kind[v], rays, (distance, fy, per_pixel, fall), grid, sums)
         _add_row(
-            inverse[v], labels[v], rays, (distance, fy, per_pixel, fall), places, noise_at, limits, grid,
+            inverse[v], labels[v], rays, (distance, fy, per_pixel, fall), places, noise_at, limits, grid, past_walls,
             kind[v], cell[v], (sums, surface, stands),
         )  # fmt: skip
     _spread(surface, _NEXT_TO_M / size, sums)
@@ -210,7 +212,7 @@ def _add_holes(hole_kinds, rays, camera, grid, sums):  # type: ignore[no-untyped
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")  # a call would hand over all these arrays per row
-def _add_row(inverse, labels, rays, camera, places, noise_at, limits, grid, kinds, cell, cells):  # type: ignore[no-untyped-def]
+def _add_row(inverse, labels, rays, camera, places, noise_at, limits, grid, past_walls, kinds, cell, cells):  # type: ignore[no-untyped-def]
     """Add the pixels of a row to the cells; write their final kinds, and the cells they count in."""
     ax0, ax1, ay0, ay1, az0, az1 = rays
     distance, fy, per_pixel, fall = camera
@@ -222,7 +224,7 @@ def _add_row(inverse, labels, rays, camera, places, noise_at, limits, grid, kind
     whole, width = int(reach), len(kinds)
     for u in range(width):
         what = np.int64(kinds[u])
-        if what in (NOTHING, WALL_PIXEL, BEYOND_PIXEL):
+        if what == NOTHING or (what in (WALL_PIXEL, BEYOND_PIXEL) and not past_walls):
             continue
         h, z, az = high[u], np.float64(depth[u]), az0 + az1 * u
         x, y = (ax0 + ax1 * u) * z, (ay0 + ay1 * u) * z
@@ -232,6 +234,9 @@ def _add_row(inverse, labels, rays, camera, places, noise_at, limits, grid, kind
             on_clutter = labels[u] == CLUTTER
             what = exact_kind(h, z, x, y, az, inside[u], on_clutter, flies, noise_at, (lowest, factor, distance))
             kinds[u] = what
+        on_wall = what == WALL_PIXEL
+        if past_walls and (on_wall or what == BEYOND_PIXEL):
+            what = np.int64(HIGH_THING)
         if what in (FLOOR_PIXEL, HOLE_PIXEL):
             z, i, j = _foot(rays, u, distance, grid)
             if i < 0:
@@ -247,7 +252,8 @@ def _add_row(inverse, labels, rays, camera, places, noise_at, limits, grid, kind
             sums[i, j, HEIGHT] += h
             sums[i, j, FLOOR_PIXELS] += np.float32(1.0)
         elif what >= FLYING_PIXEL:
-            kinds[u] = FLYING_PIXEL if what == FLYING_PIXEL else OBSTACLE_PIXEL
+            if not on_wall:
+                kinds[u] = FLYING_PIXEL if what == FLYING_PIXEL else OBSTACLE_PIXEL
             across, ahead = (y - y0) * per_metre, (x - x0) * per_metre
             i, j = int(np.floor(across)), int(np.floor(ahead))
             if i < 0 or j < 0 or i >= rows or j >= cols:

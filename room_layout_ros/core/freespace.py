@@ -193,7 +193,7 @@ def _measure(
     closed = replace(geometry, inverse_depth=holes.inverse_depth)
     walls = refine_walls(closed, estimate, T_camera_floor, walls)
     barriers = walls[:0] if config.free_beyond_walls else walls
-    cells = sum_floor_cells(closed, holes.kind, estimate.labels, fit, T_camera_floor, barriers, config)
+    cells = sum_floor_cells(closed, holes.kind, estimate.labels, fit, T_camera_floor, walls, config)
     return _Measured(closed, fit, T_camera_floor, walls, barriers, cells)
 
 
