@@ -280,7 +280,7 @@ def test_a_run_in_which_no_frame_could_be_used_says_why_and_fails(
     assert "none of 3 frames could be used; the first is frame_000: " in error
     assert "frame_000.png" in error
     assert error.count("\n") == 1
-    assert len(lines_of(out)) == 3
+    assert not out.exists(), "nothing was made for nothing"
 
 
 def test_a_bad_frame_gets_a_line_with_its_error_and_the_run_goes_on(walk: Path, tmp_path: Path) -> None:
@@ -399,6 +399,35 @@ def test_a_second_run_replaces_the_first_and_keeps_what_is_not_of_it(walk: Path,
     assert left == {"estimates.jsonl", "notes.txt", *(f"{kind}/000000.png" for kind in KINDS)}
     assert not (out / "overlay").exists()
     assert [line["name"] for line in lines_of(out)] == ["000000"]
+
+
+@pytest.mark.parametrize("command", ["estimate", "fit"])
+@pytest.mark.parametrize("why", ["no scheduler", "no usable frame"])
+def test_an_earlier_run_stays_where_the_next_one_is_not_possible(
+    command: str,
+    why: str,
+    walk: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    out, source, words = tmp_path / "out", walk, list[str]()
+    assert main([command, str(walk), "--out", str(out), "--overlay"]) == 0
+    before = files_of(out)
+    if why == "no scheduler":
+        pytest.importorskip("distributed", reason="distributed is not installed (extra train)")
+        monkeypatch.setattr("room_layout_ros.parallel.CONNECT_TIMEOUT_S", 1)
+        words, said = ["--scheduler", "tcp://127.0.0.1:9"], "no Dask scheduler answers at tcp://127.0.0.1:9"
+    else:
+        source, said = tmp_path / "frames", "none of 4 frames could be"
+        shutil.copytree(walk, source)
+        for path in (source / "depth").iterdir():
+            path.write_bytes(b"\x89PNG broken")
+    for folder in (out, tmp_path / "new" / "er"):
+        assert main([command, str(source), "--out", str(folder), *words]) == 2
+        assert said in capsys.readouterr().err
+    assert files_of(out) == before
+    assert not (tmp_path / "new").exists(), "nothing was made for nothing"
 
 
 @pytest.mark.parametrize(

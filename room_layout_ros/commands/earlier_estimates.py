@@ -3,14 +3,38 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any, Protocol, TypeVar
 
 from room_layout_ros.datasets import DataError
 
 LINES = "estimates.jsonl"
 SUFFIXES = {"layout": ".png", "labels": ".png", "furniture": ".png", "overlay": ".jpg"}
 """Folders of images and how their files end."""
+
+
+class _HasLine(Protocol):
+    @property
+    def line(self) -> Mapping[str, Any]:
+        """What is told of a frame; with "error" where it could not be used."""
+
+
+_Result = TypeVar("_Result", bound=_HasLine)
+
+
+def until_usable(results: Iterator[_Result], check: Callable[[], None] = lambda: None) -> tuple[list[_Result], bool]:
+    """Return the results up to the first usable one, `check` after each, and whether there is one.
+
+    Before it nothing of an earlier run may go: the next one may not be possible.
+    """
+    first = []
+    for result in results:
+        first.append(result)
+        if "error" not in result.line:
+            return first, True
+        check()
+    return first, False
 
 
 def earlier_files(

@@ -9,7 +9,8 @@ DIR gets, for every frame NAME:
 A frame that cannot be used gets a line with its error. Lines come as the frames are done, each after its images, so
 a run that ends early leaves what it has done. Exit code 0 when every frame has its line, 2 on bad input: also where
 no frame could be used, and where a bag turns out damaged on the way, unless --recover asks for what can be read.
-An earlier estimate in DIR is replaced: the images that its estimates.jsonl names go. Other files there are kept; where
+An earlier estimate in DIR is replaced as soon as a frame can be used: the images that its estimates.jsonl names go.
+Other files there are kept; where
 one lies among the images, DIR is a frames folder, or another run is writing there, that is refused.
 """
 
@@ -21,11 +22,11 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 
 from room_layout_ros.commands.counts import add_work_arguments, count
-from room_layout_ros.commands.earlier_estimates import LINES, earlier_files
+from room_layout_ros.commands.earlier_estimates import LINES, earlier_files, until_usable
 from room_layout_ros.commands.estimate_frame import (
     FrameJob,
     FrameResult,
@@ -81,14 +82,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _estimate(arguments: argparse.Namespace, job: FrameJob, source: FrameSource) -> int:
     earlier = earlier_files(arguments.out)
-    _make_folders(arguments.out, (*KINDS, "overlay") if arguments.overlay else KINDS)
-    remove_files(earlier, () if arguments.overlay else (arguments.out / "overlay",))
+    begin = partial(_replace_earlier, arguments.out, earlier, arguments.overlay)
     work, items, written = partial(estimate_item, job), ReadablePart(source), _Written(arguments.out)
     first, length = islice(items, arguments.limit), source.length
     expected = length if arguments.limit is None else min(arguments.limit, length or arguments.limit)
     with interrupts_between_items() as check, progress_bar("estimate", expected) as progress:
         results = map_ordered(work, first, arguments.jobs, arguments.scheduler, progress, lost_result)
-        written.write(results, check)
+        written.write(results, begin, check)
     if items.damage is not None and not (arguments.recover and written.frames):
         raise DataError(f"{items.damage}; {written.frames} frames estimated before the damage")
     if not written.frames:
@@ -101,9 +101,10 @@ def _estimate(arguments: argparse.Namespace, job: FrameJob, source: FrameSource)
     return 0
 
 
-def _make_folders(out: Path, kinds: tuple[str, ...]) -> None:
-    for kind in kinds:
+def _replace_earlier(out: Path, earlier: list[Path], overlay: bool) -> None:
+    for kind in (*KINDS, "overlay") if overlay else KINDS:
         make_folder("--out", out / kind)
+    remove_files(earlier, () if overlay else (out / "overlay",))
 
 
 @dataclass(slots=True)
@@ -115,19 +116,31 @@ class _Written:
     failed: int = 0
     first_error: str = ""
 
-    def write(self, results: Iterator[FrameResult], check: Callable[[], None]) -> None:
-        """Write images and lines as they come, `check` after each; no line of an earlier run stays beside them."""
+    def write(self, results: Iterator[FrameResult], begin: Callable[[], None], check: Callable[[], None]) -> None:
+        """Write images and lines as they come, `check` after each; no line of an earlier run stays beside them.
+
+        `begin` makes the place for them once a frame is usable; where none is, nothing is written.
+        """
+        first, usable = until_usable(results, check)
+        for result in first:
+            self._count(result)
+        if not usable:
+            return
+        begin()
         with (self.out / LINES).open("w", encoding="utf-8") as lines:
-            for result in results:
+            for result in chain(first, map(self._count, results)):
                 for file, content in result.files.items():
                     write_atomically(self.out / file, content)
                 lines.write(f"{json.dumps(result.line, allow_nan=False)}\n")
                 lines.flush()
-                self.frames += 1
-                if "error" in result.line:
-                    self.failed += 1
-                    self.first_error = self.first_error or f"the first is {result.line['name']}: {result.line['error']}"
                 check()
+
+    def _count(self, result: FrameResult) -> FrameResult:
+        self.frames += 1
+        if "error" in result.line:
+            self.failed += 1
+            self.first_error = self.first_error or f"the first is {result.line['name']}: {result.line['error']}"
+        return result
 
     def __str__(self) -> str:
         problems = f", {self.failed} of them could not be used ({self.first_error})" if self.failed else ""

@@ -14,6 +14,7 @@ import argparse
 import importlib.util
 import sys
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -22,7 +23,7 @@ from room_layout_ros.commands.counts import add_work_arguments
 from room_layout_ros.commands.estimate_frame import parse_settings
 from room_layout_ros.commands.evaluate_input import add_input_arguments, choose_frames, open_input
 from room_layout_ros.commands.models_folder import add_models_argument, usable_models
-from room_layout_ros.commands.output_folder import make_folder
+from room_layout_ros.commands.output_folder import held_alone
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.models import config_folder
@@ -81,8 +82,11 @@ def run(arguments: argparse.Namespace) -> int:
         ignored = next(option for option, value in asked.items() if value)
         raise DataError(f"--estimates {arguments.estimates} is scored as it was written; {ignored} cannot change it")
     source, curve = open_input(arguments), _curve(arguments)
-    if arguments.out is not None:
-        make_folder("--out", arguments.out)
+    with nullcontext() if arguments.out is None else held_alone("--out", arguments.out):
+        return _evaluate(arguments, source, curve)
+
+
+def _evaluate(arguments: argparse.Namespace, source: FrameSource, curve: CCurve | None) -> int:
     methods, samples = _methods(arguments, source), _Samples(source)
     job = CompareJob(methods, _superpixel_config(arguments), _wants_report(arguments))
     with progress_bar("evaluate", source.length) as progress:

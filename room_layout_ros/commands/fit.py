@@ -6,8 +6,8 @@ DIR gets, for every frame NAME:
   overlay/NAME.jpg    a picture for people (with --overlay)
   fits.jsonl          a line a frame: accepted, quality, cost, axes, plane distances, or why there is no fit
 Lines come as the frames are done, each after its images. Exit code 2 on bad input, also where no frame could be fitted.
-An earlier fit in DIR is replaced: the images that its fits.jsonl names go. Where other images lie beside them, DIR is a
-frames folder, or another run is writing there, that is refused.
+An earlier fit in DIR is replaced as soon as a frame can be used: the images that its fits.jsonl names go. Where other
+images lie beside them, DIR is a frames folder, or another run is writing there, that is refused.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from room_layout_ros.commands.counts import add_work_arguments, real
-from room_layout_ros.commands.earlier_estimates import earlier_files
+from room_layout_ros.commands.earlier_estimates import earlier_files, until_usable
 from room_layout_ros.commands.output_folder import held_alone, make_folder, refuse_frames, remove_files
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import open_and_tell
@@ -72,13 +73,10 @@ def run(arguments: argparse.Namespace) -> int:
 def _fit(arguments: argparse.Namespace, job: FitJob, source: FrameSource) -> int:
     out: Path = arguments.out
     earlier = earlier_files(out, FITS_FILE, SUFFIXES, "fit")
-    for kind in ("layout", "rejected", *(["overlay"] if job.overlay else [])):
-        make_folder("--out", out / kind)
-    remove_files(earlier, () if job.overlay else (out / "overlay",))
     with progress_bar("fit", source.length) as progress:
         work, items = partial(fit_item, job), frames_apart(source)
         results = map_ordered(work, items, arguments.jobs, arguments.scheduler, progress, lost_result)
-        lines = _write(out, results)
+        lines = _write(out, results, partial(_replace_earlier, out, earlier, job.overlay))
     if not lines:
         raise DataError(f"{source.title} holds no frame")
     if all("error" in line for line in lines):
@@ -87,11 +85,24 @@ def _fit(arguments: argparse.Namespace, job: FitJob, source: FrameSource) -> int
     return 0
 
 
-def _write(out: Path, results: Iterable[FitResult]) -> list[dict[str, object]]:
-    """Write images and lines as they come; no line of an earlier fit stays beside them."""
+def _replace_earlier(out: Path, earlier: list[Path], overlay: bool) -> None:
+    for kind in ("layout", "rejected", *(["overlay"] if overlay else [])):
+        make_folder("--out", out / kind)
+    remove_files(earlier, () if overlay else (out / "overlay",))
+
+
+def _write(out: Path, results: Iterator[FitResult], begin: Callable[[], None]) -> list[dict[str, object]]:
+    """Write images and lines as they come; no line of an earlier fit stays beside them.
+
+    `begin` makes the place for them once a frame is usable; where none is, nothing is written.
+    """
+    first, usable = until_usable(results)
+    if not usable:
+        return [dict(result.line) for result in first]
+    begin()
     written = []
     with (out / FITS_FILE).open("w", encoding="utf-8") as lines:
-        for result in results:
+        for result in chain(first, results):
             for file, content in result.files.items():
                 write_atomically(out / file, content)
             lines.write(f"{json.dumps(result.line)}\n")

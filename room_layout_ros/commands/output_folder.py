@@ -6,7 +6,7 @@ import errno
 import os
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from room_layout_ros.datasets import DataError
@@ -36,14 +36,28 @@ def make_folder(option: str, folder: Path) -> None:
 def held_alone(option: str, folder: Path) -> Iterator[None]:
     """Make a folder that an option names and hold it while the block runs; it is released however the process ends.
 
+    Where the block fails with nothing in the folder, those that were made for it go again.
+
     Raises
     ------
     DataError
         As `make_folder` and `named_when_full`, and when another run holds it.
     """
-    make_folder(option, folder)
-    with named_when_full(folder), _held(option, folder):
+    with _made(option, folder), named_when_full(folder), _held(option, folder):
         yield
+
+
+@contextmanager
+def _made(option: str, folder: Path) -> Iterator[None]:
+    new = [path for path in (folder, *folder.parents) if not path.exists()]
+    make_folder(option, folder)
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):  # something is in it
+            for path in new:
+                path.rmdir()
+        raise
 
 
 @contextmanager
