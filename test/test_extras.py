@@ -18,3 +18,15 @@ def test_every_hint_names_an_extra_that_there_is_and_no_package_of_an_index(repo
     assert named >= {"viz", "ros", "train", "playback", "datasets"}
     assert named <= extras
     assert install_hint("viz") == "pip install '.[viz]' in the clone of room_layout_ros"
+
+
+NEEDS = {"estimator": {"ros"}, "play": {"ros", "playback"}, "dashboard": {"ros", "viz"}}
+"""Extras of the commands that a robot's developer is told to start."""
+
+
+def test_what_readme_installs_for_a_robot_is_enough_to_run_play_and_look(repository: Path) -> None:
+    section = (repository / "README.md").read_text("utf-8").partition("## Robot")[2].partition("\n## ")[0]
+    (installed,) = re.findall(r"pip install '\.\[([\w,]+)\]'", section)
+    named = {"estimator", *re.findall(r"`room-layout (\w+)", section)}
+    assert named == set(NEEDS), "it is started, fed and looked at"
+    assert set().union(*(NEEDS[command] for command in named)) == set(installed.split(","))
