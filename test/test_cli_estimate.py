@@ -25,7 +25,7 @@ from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import FACES, LABEL_NAMES
 from room_layout_ros.core.models import config_folder
 from room_layout_ros.core.weights import N_FEATURES, ModelWeights, save_weights, start_weights
-from room_layout_ros.datasets import BadFrame, FrameSource, Sample, good_samples, open_source
+from room_layout_ros.datasets import BadFrame, FramesFolder, FrameSource, Sample, good_samples, open_source
 from room_layout_ros.datasets.convert import copy_frames
 from room_layout_ros.datasets.readable import ReadablePart
 from room_layout_ros.datasets.synthetic import SyntheticSource
@@ -39,6 +39,12 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("walk") / "frames"
     copy_frames(SyntheticSource(4, 1), FolderWriter(path))
     return path
+
+
+def islice_source(path: Path, count: int) -> FrameSource:
+    source = open_source(path)
+    assert isinstance(source, FramesFolder)
+    return source.subset(source.names[:count])
 
 
 def lines_of(out: Path) -> list[dict[str, Any]]:
@@ -237,6 +243,77 @@ def test_colour_that_is_not_read_is_told_once(
     assert main(["estimate", str(tmp_path / "frames"), "--out", str(tmp_path / "out")]) == 0
     told = "is read as depth alone: it has no colour in a folder of the names rgb/, color/, image/; images/ is not read"
     assert capsys.readouterr().err.count(told) == (not read)
+
+
+COLOR_ALONE = "estimated from colour alone, lengths have no unit"
+ALLOWED = "; 16 bit must be millimetres, float metres, and 2 % of the pixels measured from 0.2 to 12 m"
+
+
+@pytest.fixture
+def two(walk: Path, tmp_path: Path) -> Path:
+    """Two frames of the walk, to be spoilt."""
+    folder = tmp_path / "frames"
+    copy_frames(islice_source(walk, 2), FolderWriter(folder))
+    return folder
+
+
+def scale_depth(folder: Path, factor: float) -> None:
+    for path in (folder / "depth").iterdir():
+        depth = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        assert depth is not None
+        cv2.imwrite(str(path), np.clip(np.rint(depth * factor), 0, 65535).astype(np.uint16))
+
+
+@pytest.mark.parametrize("command", ["estimate", "evaluate"])
+@pytest.mark.parametrize("factor", [0.0, 0.001], ids=["zeros", "metres"])
+def test_depth_that_is_of_no_use_is_told_once_unless_it_is_not_asked_for(
+    command: str, factor: float, two: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scale_depth(two, factor)
+    words = [command, str(two), "--out", str(tmp_path / "out"), *(["--no-report"] if command == "evaluate" else [])]
+    assert main(words) == 0
+    told = f"2 of 2 frames have no usable depth: {COLOR_ALONE}{ALLOWED}\n"
+    assert capsys.readouterr().err.count(told) == 1
+    for unused in (["--rgb-only"], ["--set", "use_depth=false"]):
+        assert main([*words, *unused]) == 0
+        assert "usable depth" not in capsys.readouterr().err
+
+
+def test_a_frame_without_colour_and_usable_depth_is_no_estimate(
+    two: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.rmtree(two / "rgb")
+    (two / "depth" / "000001.png").write_bytes(cv2.imencode(".png", np.zeros((480, 640), np.uint16))[1].tobytes())
+    assert main(["estimate", str(two), "--out", str(tmp_path / "out")]) == 0
+    assert f"1 of 2 frames have no usable depth: nothing could be estimated{ALLOWED}\n" in capsys.readouterr().err
+    assert [line["status"] for line in lines_of(tmp_path / "out")] == ["OK", "NO_DEPTH"]
+
+
+@pytest.mark.parametrize("name", ["Depth", None])
+def test_depth_that_is_not_there_is_told_and_its_folder_if_it_is_misspelt(
+    name: str | None, two: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (two / "depth").rename(two / name if name else tmp_path / "elsewhere")
+    assert main(["estimate", str(two), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().err
+    assert said.count(f"2 of 2 frames have no depth: {COLOR_ALONE}\n") == 1
+    misspelt = "is read as colour alone: it has no depth in a folder of the name depth/; Depth/ is not read\n"
+    assert said.count(misspelt) == (name is not None)
+
+
+def test_a_room_of_a_strange_size_is_a_question_about_the_unit(
+    two: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["estimate", str(two), "--out", str(tmp_path / "out")]) == 0
+    assert "depth unit" not in capsys.readouterr().err
+    scale_depth(two, 3.0)
+    assert main(["estimate", str(two), "--out", str(tmp_path / "out")]) == 0
+    (asked,) = [line for line in capsys.readouterr().err.splitlines() if "depth unit" in line]
+    assert re.fullmatch(
+        r"is the depth unit right for a camera \d\.\d\d m above the floor and a median depth of \d+\.\d\d m\? "
+        "16 bit must be millimetres, float metres",
+        asked,
+    ), "no word of TF, which there is none of here"
 
 
 def test_the_first_frames_alone_are_estimated_where_that_is_asked(

@@ -24,7 +24,7 @@ from room_layout_ros.datasets import (
 )
 from room_layout_ros.datasets.calibration import read_calibration, write_calibration
 from room_layout_ros.datasets.convert import copy_frames
-from room_layout_ros.datasets.folder import unread_color
+from room_layout_ros.datasets.folder import unread
 from room_layout_ros.datasets.images import depth_to_millimetres, read_depth
 from room_layout_ros.datasets.writers import BagWriter, FolderWriter
 from room_layout_ros.decoding.image import depth_from_mm
@@ -93,12 +93,10 @@ def test_the_colour_folder_may_have_the_name_of_other_data_sets(folder: Path, na
 
 
 def test_what_of_a_folder_is_not_read_is_told(folder: Path) -> None:
-    assert unread_color(folder) == ""
+    assert unread(folder) == ""
     for kind, picture in (("rgb", "frame_007.PNG"), ("depth", "frame_007.PNG")):
         (folder / kind / "frame_007.png").rename(folder / kind / picture)
-        assert f"1 files in {folder / kind} are not read, as frame_007.PNG; names must end in .png" in unread_color(
-            folder
-        )
+        assert f"1 files in {folder / kind} are not read, as frame_007.PNG; names must end in .png" in unread(folder)
         (folder / kind / picture).rename(folder / kind / "frame_007.png")
     for path in [*folder.glob("rgb/*.png"), *folder.glob("depth/*.png")]:
         path.rename(path.with_suffix(".PNG"))
@@ -107,9 +105,14 @@ def test_what_of_a_folder_is_not_read_is_told(folder: Path) -> None:
     for path in folder.glob("depth/*.PNG"):
         path.rename(path.with_suffix(".png"))
     (folder / "rgb").rename(folder / "images")
-    assert unread_color(folder) == (
+    assert unread(folder) == (
         f"{folder} is read as depth alone: it has no colour in a folder of the names rgb/, color/, image/; "
         "images/ is not read"
+    )
+    (folder / "images").rename(folder / "rgb")
+    (folder / "depth").rename(folder / "Depth")
+    assert unread(folder) == (
+        f"{folder} is read as colour alone: it has no depth in a folder of the name depth/; Depth/ is not read"
     )
 
 
@@ -269,7 +272,7 @@ def test_names_with_spaces_survive_the_way_through_bag_and_folder(tmp_path: Path
 
 def test_truth_that_is_not_read_is_told(folder: Path) -> None:
     (folder / "labels40" / "frame_007.png").rename(folder / "labels40" / "frame_007.jpg")
-    assert unread_color(folder) == (
+    assert unread(folder) == (
         f"1 files in {folder / 'labels40'} are not read, as frame_007.jpg; names must end in .png"
     )
 

@@ -10,6 +10,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -104,13 +105,33 @@ def test_page_shows_the_free_space_that_was_recorded_and_says_what_its_colours_a
         assert (colors == color).all(axis=1).mean() > 0.01
 
 
-def test_frames_without_depth_have_no_free_space_and_the_page_says_so(made: Path, tmp_path: Path) -> None:
+def test_frames_without_depth_have_no_free_space_and_the_page_says_so(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     frames, out = tmp_path / "frames", tmp_path / "out"
     assert room_layout(["convert", str(made / "input"), str(frames)]) == 0
     shutil.rmtree(frames / "depth")
     assert room_layout(["demo", "--no-node", "--input", str(frames), "--out", str(out)]) == 0
-    assert "There is no free space to show" in check_page(out)
+    told = f"{N_FRAMES} of {N_FRAMES} frames have no depth: estimated from colour alone, lengths have no unit"
+    assert f"demo: {told}\n" in capsys.readouterr().err
+    page = check_page(out)
+    assert told in page
+    assert "There is no free space to show" in page
     assert not (out / "free-space.png").exists()
+
+
+def test_depth_of_another_unit_is_asked_about(made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    frames, out = tmp_path / "frames", tmp_path / "out"
+    assert room_layout(["convert", str(made / "input"), str(frames)]) == 0
+    for path in (frames / "depth").iterdir():
+        depth = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        assert depth is not None
+        cv2.imwrite(str(path), 3 * depth)
+    assert room_layout(["demo", "--no-node", "--input", str(frames), "--out", str(out)]) == 0
+    asked = "is the depth unit right for a camera "
+    assert capsys.readouterr().err.count(f"demo: {asked}") == 1
+    assert asked in check_page(out)
+    assert "depth unit" not in check_page(made)
 
 
 def test_each_step_is_told_when_it_begins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -27,6 +27,7 @@ from room_layout_ros.evaluation.top_down import draw_top_down
 NEEDS_RERUN = pytest.mark.skipif(
     importlib.util.find_spec("rerun") is None, reason="rerun-sdk is not installed (extra viz)"
 )
+VIEWS = [[], pytest.param(["--rrd", "OUT"], marks=NEEDS_RERUN)]
 CAMERA = CameraIntrinsics(160, 120, 130.0, 130.0, 79.5, 59.5)
 
 
@@ -140,6 +141,28 @@ def test_view_writes_a_recording_for_rerun(folder: Path, tmp_path: Path) -> None
         assert entity in content
 
 
+@pytest.mark.parametrize("to", VIEWS)
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        (0.0, "the frame has no usable depth: estimated from colour alone, lengths have no unit; 16 bit must be"),
+        (2.5, "is the depth unit right for a camera "),
+        (1.0, ""),
+    ],
+)
+def test_depth_that_is_of_no_use_or_of_another_unit_is_told(
+    sample: Sample, tmp_path: Path, capsys: pytest.CaptureFixture[str], to: list[str], factor: float, said: str
+) -> None:
+    assert sample.frame.depth_m is not None
+    with FolderWriter(tmp_path / "frames") as writer:
+        writer.write(Sample(replace(sample.frame, depth_m=sample.frame.depth_m * np.float32(factor))))
+    out = [word.replace("OUT", str(tmp_path / "x.rrd")) for word in to] or ["--out", str(tmp_path / "x.png")]
+    assert room_layout(["view", str(tmp_path / "frames"), *out]) == 0
+    (told,) = capsys.readouterr().err.splitlines() or ("",)
+    assert told.startswith(said)
+    assert bool(told) == bool(said)
+
+
 @NEEDS_RERUN
 @pytest.mark.parametrize("display", ["", ":77"])
 def test_where_no_viewer_can_be_opened_one_sentence_says_what_can_be_done(
@@ -169,9 +192,6 @@ def two(sample: Sample, tmp_path: Path) -> Path:
         for name in ("000000", "000001"):
             writer.write(Sample(replace(sample.frame, color=None, name=name)))
     return path
-
-
-VIEWS = [[], pytest.param(["--rrd", "OUT"], marks=NEEDS_RERUN)]
 
 
 @NEEDS_RERUN

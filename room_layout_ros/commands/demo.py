@@ -21,6 +21,7 @@ import cv2
 import numpy as np
 
 from room_layout_ros.commands.counts import count, real, seed
+from room_layout_ros.commands.depth_doubts import DepthDoubts, see_depth
 from room_layout_ros.commands.demo_offline import run_offline
 from room_layout_ros.commands.demo_page import DemoFacts, demo_html
 from room_layout_ros.commands.demo_pictures import (
@@ -35,6 +36,7 @@ from room_layout_ros.commands.demo_results import Recording, read_recording
 from room_layout_ros.commands.output_folder import make_folder, remove_files
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics, refuse_bag_options
+from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.datasets import BadFrame, DataError, FrameSource, Sample, open_source
 from room_layout_ros.datasets.images import write_atomically
@@ -97,7 +99,8 @@ def run(arguments: argparse.Namespace) -> int:
     _make_folder(out)
     bag = out / "input"
     _say(f"{'render a room' if arguments.input is None else 'read the frames'}, write a bag")
-    look, left_out = _write_bag(source, bag, arguments.frames)
+    doubts = DepthDoubts(EstimatorConfig())
+    look, left_out = _write_bag(source, bag, arguments.frames, doubts)
     if live:
         from room_layout_ros.commands.demo_live import run_live
 
@@ -106,11 +109,14 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         _say(f"estimate {len(look)} frames ({_FIRST_TIME})")
         with progress_bar("estimate", len(look)) as progress:
-            mcap = run_offline(open_source(bag), out / "results", progress)
+            mcap = run_offline(open_source(bag), out / "results", progress, doubts)
         notes = ()
     _say("draw the pictures and write the page")
     recording = read_recording(mcap)
-    made = _show(out, source, look, recording, mcap, bag, live, (*left_out, *notes))
+    odd = (*left_out, *doubts.sentences(), *recording.doubts)
+    made = _show(out, source, look, recording, mcap, bag, live, (*odd, *notes))
+    for sentence in odd:
+        _say(sentence)
     print("\n".join(str(path) for path in made))
     return 0
 
@@ -175,7 +181,9 @@ class _Seen:
     labels: np.ndarray[tuple[int, ...], np.dtype[np.uint8]] | None
 
 
-def _write_bag(source: FrameSource, bag: Path, limit: int | None) -> tuple[dict[int, _Seen], tuple[str, ...]]:
+def _write_bag(
+    source: FrameSource, bag: Path, limit: int | None, doubts: DepthDoubts
+) -> tuple[dict[int, _Seen], tuple[str, ...]]:
     """Write the frames as a rosbag2; return by stamp what the page will need of them, and what was left out."""
     seen: dict[int, _Seen] = {}
     bad: list[BadFrame] = []
@@ -187,6 +195,7 @@ def _write_bag(source: FrameSource, bag: Path, limit: int | None) -> tuple[dict[
                 continue
             writer.write(item)
             seen[item.frame.stamp_ns] = _seen(item)
+            doubts.add(see_depth(item.frame, doubts.config))
             progress(len(seen))
     if not seen:
         raise DataError(f"{source.title} holds no usable frame" + (f": {bad[0].name}: {bad[0].error}" if bad else ""))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from room_layout_ros.commands.depth_doubts import DepthDoubts
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
@@ -24,13 +25,14 @@ from room_layout_ros.datasets.bag_messages import (
     encode_image_message,
     typestore,
 )
+from room_layout_ros.runtime.depth_scale import measure_scale
 
 NODE = "/estimator"
 MARKERS = "visualization_msgs/msg/MarkerArray"
 _LINE_STRIP = 4
 
 
-def run_offline(source: FrameSource, out: Path, progress: Callable[[int], object]) -> Path:
+def run_offline(source: FrameSource, out: Path, progress: Callable[[int], object], doubts: DepthDoubts) -> Path:
     """Estimate every frame in order, with warm starts as the node has them, and write an MCAP.
 
     Parameters
@@ -40,6 +42,8 @@ def run_offline(source: FrameSource, out: Path, progress: Callable[[int], object
         Folder of the recording; must not exist.
     progress : callable
         Called with the number of frames so far.
+    doubts : DepthDoubts
+        Gets the scale of each room.
 
     Returns
     -------
@@ -54,6 +58,7 @@ def run_offline(source: FrameSource, out: Path, progress: Callable[[int], object
         for count, sample in enumerate(good_samples(source), 1):
             estimate = estimator.estimate(sample.frame, prior)
             prior = next_prior(estimate)
+            doubts.weigh(measure_scale(sample.frame, estimate))
             for topic, kind, raw in _messages(sample.frame, estimate, estimator.config):
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind, typestore=typestore())

@@ -14,9 +14,11 @@ from room_layout_ros.datasets import DataError
 from room_layout_ros.datasets.bag import open_reader, raw_messages
 from room_layout_ros.datasets.bag_messages import IMAGE, OCCUPANCY_GRID, decode, stamp_of
 from room_layout_ros.evaluation.floor_picture import FloorGrid
+from room_layout_ros.runtime.diagnosis import Level
 
 Image = NDArray[np.uint8]
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+_ESTIMATES = ": estimates"
 _CHANNELS = {"mono8": 1, "rgb8": 3}
 
 
@@ -30,6 +32,7 @@ class Recording:
     overlay, layout, labels : by stamp in nanoseconds; (H, W, 3) and (H, W) uint8.
     free_space : by stamp; of frames with floor in view.
     health : what the node last said of itself on /diagnostics ("latency_p50_ms": "41.2"); empty without a node.
+    doubts : the last warning there about its estimates, if any.
     """
 
     topics: tuple[tuple[str, str, int], ...]
@@ -38,6 +41,7 @@ class Recording:
     labels: dict[int, Image]
     free_space: dict[int, FloorGrid]
     health: dict[str, str]
+    doubts: tuple[str, ...]
 
 
 def read_recording(path: Path) -> Recording:
@@ -51,6 +55,7 @@ def read_recording(path: Path) -> Recording:
     pictures: dict[str, dict[int, Image]] = {"overlay": {}, "layout": {}, "labels": {}}
     counts: Counter[tuple[str, str]] = Counter()
     health: dict[str, str] = {}
+    doubts: tuple[str, ...] = ()
     free_space: dict[int, FloorGrid] = {}
     with open_reader(path) as reader:
         for connection, _, raw in raw_messages(reader, {c.topic for c in reader.connections}, path):
@@ -65,11 +70,13 @@ def read_recording(path: Path) -> Recording:
             elif connection.msgtype == DIAGNOSTICS:
                 statuses = decode(raw, DIAGNOSTICS).status
                 health |= {value.key: value.value for status in statuses for value in status.values}
+                warned = [s for s in statuses if s.name.endswith(_ESTIMATES) and s.level == Level.WARN]
+                doubts = (f"the node warned: {warned[-1].message}",) if warned else doubts
     topics = tuple((topic, kind, count) for (topic, kind), count in sorted(counts.items()))
     if not pictures["overlay"]:
         seen = ", ".join(f"{t} ({n})" for t, _, n in topics) or "nothing"
         raise DataError(f"{path} holds no overlay picture; recorded was {seen}")
-    return Recording(topics, **pictures, free_space=free_space, health=health)
+    return Recording(topics, **pictures, free_space=free_space, health=health, doubts=doubts)
 
 
 def pixels(message: Any) -> Image:

@@ -26,6 +26,7 @@ from itertools import chain, islice
 from pathlib import Path
 
 from room_layout_ros.commands.counts import add_work_arguments, count
+from room_layout_ros.commands.depth_doubts import DepthDoubts
 from room_layout_ros.commands.earlier_estimates import LINES, earlier_files, until_usable
 from room_layout_ros.commands.estimate_frame import (
     FrameJob,
@@ -83,7 +84,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _estimate(arguments: argparse.Namespace, job: FrameJob, source: FrameSource) -> int:
     earlier = earlier_files(arguments.out)
     begin = partial(_replace_earlier, arguments.out, earlier, arguments.overlay)
-    work, items, written = partial(estimate_item, job), ReadablePart(source), _Written(arguments.out)
+    doubts = DepthDoubts(job.config, job.rgb_only)
+    work, items, written = partial(estimate_item, job), ReadablePart(source), _Written(arguments.out, doubts)
     first, length = islice(items, arguments.limit), source.length
     expected = length if arguments.limit is None else min(arguments.limit, length or arguments.limit)
     with interrupts_between_items() as check, progress_bar("estimate", expected) as progress:
@@ -98,6 +100,7 @@ def _estimate(arguments: argparse.Namespace, job: FrameJob, source: FrameSource)
     if written.failed == written.frames:
         raise DataError(f"{source.title}: none of {written.frames} frames could be used; {written.first_error}")
     print(f"{source.title}: {written}", file=sys.stderr)
+    doubts.tell()
     return 0
 
 
@@ -112,6 +115,7 @@ class _Written:
     """What is in the folder so far; `first_error` is of the first frame that could not be used."""
 
     out: Path
+    doubts: DepthDoubts
     frames: int = 0
     failed: int = 0
     first_error: str = ""
@@ -137,6 +141,8 @@ class _Written:
 
     def _count(self, result: FrameResult) -> FrameResult:
         self.frames += 1
+        if result.depth is not None:
+            self.doubts.add(result.depth)
         if "error" in result.line:
             self.failed += 1
             self.first_error = self.first_error or f"the first is {result.line['name']}: {result.line['error']}"

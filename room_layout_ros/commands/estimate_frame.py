@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from room_layout_ros.commands.depth_doubts import DepthSeen, see_depth
 from room_layout_ros.core.config import EstimatorConfig, Value, nearest_name, parameters
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
@@ -37,10 +38,11 @@ class FrameJob:
 
 @dataclass(frozen=True, slots=True)
 class FrameResult:
-    """The line of a frame and the bytes of its files by path below the output folder."""
+    """The line of a frame, the bytes of its files by path below the output folder, and what its depth was good for."""
 
     line: Mapping[str, Any]
     files: Mapping[str, bytes] = field(default_factory=dict)
+    depth: DepthSeen | None = None
 
 
 def parse_settings(settings: Sequence[str], rgb_only: bool = False, **defaults: Value) -> EstimatorConfig:
@@ -120,7 +122,8 @@ def estimate_item(job: FrameJob, item: Sample | BadFrame) -> FrameResult:
         estimator, start = _estimator(job.config, job.models), time.perf_counter()
         estimate = estimator.estimate(frame)
         milliseconds = 1e3 * (time.perf_counter() - start)
-        return FrameResult(_line(frame.name, estimate, milliseconds), _files(job, frame, estimate))
+        seen = see_depth(frame, job.config, estimate)
+        return FrameResult(_line(frame.name, estimate, milliseconds), _files(job, frame, estimate), seen)
     except DataError as error:
         return _error_result(frame.name, str(error))
     except Exception as error:  # noqa: BLE001 - a bug at one frame must not lose the others; it is named in its line

@@ -20,6 +20,7 @@ from functools import partial
 from pathlib import Path
 
 from room_layout_ros.commands.counts import add_work_arguments
+from room_layout_ros.commands.depth_doubts import DepthDoubts
 from room_layout_ros.commands.estimate_frame import parse_settings
 from room_layout_ros.commands.evaluate_input import add_input_arguments, choose_frames, open_input
 from room_layout_ros.commands.models_folder import add_models_argument, usable_models
@@ -43,6 +44,9 @@ BASELINES = {
     "percentile": "walls at the 98th percentile",
     "depth": "our simple depth estimator",
 }
+
+WITH_DEPTH = "ours, RGB-D"
+"""Title of our estimator with depth."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -89,13 +93,16 @@ def run(arguments: argparse.Namespace) -> int:
 def _evaluate(arguments: argparse.Namespace, source: FrameSource, curve: CCurve | None) -> int:
     methods, samples = _methods(arguments, source), _Samples(source)
     job = CompareJob(methods, _superpixel_config(arguments), _wants_report(arguments))
+    doubts = DepthDoubts(parse_settings(arguments.set), WITH_DEPTH not in methods)
     with progress_bar("evaluate", source.length) as progress:
-        frames = list(map_ordered(partial(compare, job), samples, arguments.jobs, arguments.scheduler, progress))
+        watched = doubts.watch(samples)
+        frames = list(map_ordered(partial(compare, job), watched, arguments.jobs, arguments.scheduler, progress))
     if not frames:
         raise DataError(f"{source.title} holds no frame with a true layout; layout/NAME.png is needed")
     if source.length is not None and len(frames) < source.length:
         left = source.length - len(frames)
         print(f"{left} of {source.length} frames have no true layout and are left out", file=sys.stderr)
+    doubts.tell()
     scores = [SetScore(title, tuple(frame.scores[title] for frame in frames)) for title in methods]
     if arguments.estimates is not None and all(frame.status == NO_FILES for frame in scores[0].frames):
         raise DataError(
@@ -169,7 +176,7 @@ def _ours(arguments: argparse.Namespace, source: FrameSource, has_depth: bool, h
     models = usable_models(arguments.models, config)
     methods: dict[str, Method] = {}
     if not arguments.rgb_only and has_depth:
-        methods["ours, RGB-D"] = EstimatorMethod(config, models=models)
+        methods[WITH_DEPTH] = EstimatorMethod(config, models=models)
     elif not arguments.rgb_only:
         print(f"{source.title} has no depth: our estimator with depth is left out", file=sys.stderr)
     if config.use_color and has_color:

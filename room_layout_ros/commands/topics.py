@@ -8,7 +8,7 @@ from pathlib import Path
 
 from room_layout_ros.commands.counts import real
 from room_layout_ros.datasets import DataError, FramesFolder, FrameSource, open_source
-from room_layout_ros.datasets.folder import unread_color
+from room_layout_ros.datasets.folder import unread
 from room_layout_ros.datasets.source import opens_as_bag
 
 _TOPICS = ("color_topic", "depth_topic", "color_info_topic", "depth_info_topic")
@@ -83,8 +83,8 @@ def refuse_bag_options(arguments: argparse.Namespace, why: str) -> None:
 
 
 def open_and_tell(path: Path, **options: object) -> FrameSource:
-    """Open an input, and say on stderr where a frames folder's colour is not read though something like it is there."""
+    """Open an input, and say on stderr what of a frames folder is not read though something like it is."""
     source = open_source(path, **options)
-    if isinstance(source, FramesFolder) and (told := unread_color(source.path)):
+    if isinstance(source, FramesFolder) and (told := unread(source.path)):
         print(told, file=sys.stderr)
     return source

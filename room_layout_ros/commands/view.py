@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from room_layout_ros.commands.counts import count
+from room_layout_ros.commands.depth_doubts import DepthDoubts, see_depth
 from room_layout_ros.commands.estimate_frame import parse_settings, prepared
 from room_layout_ros.commands.output_folder import make_folder
 from room_layout_ros.commands.progress import progress_bar
@@ -61,7 +62,11 @@ def run(arguments: argparse.Namespace) -> int:
     frame = find_frame(source, arguments.frame)
     if arguments.out is not None:
         make_folder("--out", arguments.out.parent)
-    look = look_at(prepared(frame, arguments.rgb_only), LayoutEstimator(config))
+    look, doubts = (
+        look_at(prepared(frame, arguments.rgb_only), LayoutEstimator(config)),
+        DepthDoubts(config, arguments.rgb_only),
+    )
+    doubts.add(see_depth(look.frame, config, look.estimate))
     image = draw_all(look) if arguments.stage is None else draw_stage(arguments.stage, look)
     if image is None:
         raise DataError(f"frame {frame.name} has nothing to show at the stage {arguments.stage}")
@@ -71,6 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     estimate = look.estimate
     print(f"{source.title}, frame {frame.name}: {estimate.status.value}, confidence {estimate.confidence:.2f}")
     print(out)
+    doubts.tell()
     return 0
 
 
@@ -129,6 +135,7 @@ def _to_viewer(arguments: argparse.Namespace, source: FrameSource, config: Estim
     from room_layout_ros.evaluation.rerun_log import RerunLog
 
     estimator, log, count = LayoutEstimator(config), None, 0
+    doubts = DepthDoubts(config, arguments.rgb_only)
     one = arguments.frame is not None
     with progress_bar("view", 1 if one else min(arguments.limit, source.length or arguments.limit)) as progress:
         for item in _chosen(source, arguments.frame):
@@ -143,6 +150,7 @@ def _to_viewer(arguments: argparse.Namespace, source: FrameSource, config: Estim
             start = time.perf_counter()
             estimate = estimator.estimate(frame)
             log.add(frame, estimate, 1e3 * (time.perf_counter() - start))
+            doubts.add(see_depth(frame, config, estimate))
             count += 1
             progress(count)
             if count == arguments.limit:
@@ -151,3 +159,4 @@ def _to_viewer(arguments: argparse.Namespace, source: FrameSource, config: Estim
         raise DataError(f"{source.title} holds no usable frame")
     log.close()
     print(arguments.rrd if arguments.rrd is not None else f"{count} frames are in the viewer")
+    doubts.tell()

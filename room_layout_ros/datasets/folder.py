@@ -163,7 +163,7 @@ def open_folder(path: Path) -> FramesFolder:
     calibration = read_calibration(path / "camera.yaml")
     names = _names(path, color)
     if not names:
-        told = f" ({unread})" if (unread := unread_color(path)) else ""
+        told = f" ({others})" if (others := unread(path)) else ""
         raise DataError(f"{path} holds no frames; {color}/NAME.jpg or .png and depth/NAME.png are needed{told}")
     stamps: dict[str, int | None] = {name: default_stamp_ns(i) for i, name in enumerate(names)}
     if (path / "stamps.txt").exists():
@@ -172,16 +172,18 @@ def open_folder(path: Path) -> FramesFolder:
     return FramesFolder(path, calibration, names, stamps, poses, color)
 
 
-def unread_color(path: Path) -> str:
+def unread(path: Path) -> str:
     """Return what of a frames folder is not read, in a sentence for people; "" where there is nothing to say.
 
-    That is depth without a colour folder of a known name, and pictures, of the truth too, of an unknown suffix.
+    That is colour or depth in a folder of no known name, and pictures, of the truth too, of an unknown suffix.
     """
     known = ", ".join(f"{name}/" for name in COLOR_FOLDERS)
+    others = sorted(p.name for p in path.glob("*/") if p.name not in (*COLOR_FOLDERS, *_KNOWN) and _pictures(p))
+    hint = f"; {', '.join(f'{name}/' for name in others)} is not read" if others else ""
     if not any((path / name).is_dir() for name in COLOR_FOLDERS):
-        others = sorted(p.name for p in path.glob("*/") if p.is_dir() and p.name not in _KNOWN and _pictures(p))
-        hint = f"; {', '.join(f'{name}/' for name in others)} is not read" if others else ""
         return f"{path} is read as depth alone: it has no colour in a folder of the names {known}{hint}"
+    if others and not (path / "depth").is_dir():
+        return f"{path} is read as colour alone: it has no depth in a folder of the name depth/{hint}"
     for name, suffixes in ((color_folder(path), COLOR_SUFFIXES), *((known, (".png",)) for known in _KNOWN)):
         unread = [p for p in _pictures(path / name) if p.suffix not in suffixes]
         if unread:
