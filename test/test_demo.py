@@ -50,7 +50,8 @@ def check_page(out: Path) -> str:
 def test_page_points_to_files_that_are_there(made: Path) -> None:
     page = check_page(made)
     assert f"{N_FRAMES} of {N_FRAMES}" in page
-    assert "without the node" in page
+    assert "--no-node was given, so the same bag went through the same estimator without the node" in page
+    assert "wheels" not in page
 
 
 def test_page_states_the_layout_error_against_the_rendered_truth(made: Path) -> None:
@@ -265,7 +266,25 @@ def test_where_ros_is_missing_the_demo_says_so_and_goes_on(
     monkeypatch.setattr(demo, "ros_is_here", lambda: False)
     assert room_layout(["demo", "--frames", "1", "--out", str(tmp_path / "out")]) == 0
     assert "No ROS 2 wheels" in capsys.readouterr().err
-    check_page(tmp_path / "out")
+    assert "No ROS 2 wheels are installed here (they exist for Linux on x86-64), so the same" in check_page(
+        tmp_path / "out"
+    )
+
+
+@pytest.mark.parametrize(
+    ("missing", "settings"),
+    [("depth", ["--ros-args", "-p", "use_depth:=false"]), ("rgb", ["--ros-args", "-p", "use_color:=false"]), ("", [])],
+)
+def test_the_node_is_told_to_do_without_a_stream_that_is_not_there(
+    made: Path, tmp_path: Path, missing: str, settings: list[str]
+) -> None:
+    frames, bag = tmp_path / "frames", tmp_path / "bag"
+    assert room_layout(["convert", str(made / "input"), str(frames)]) == 0
+    shutil.rmtree(frames / missing if missing else tmp_path / "none", ignore_errors=True)
+    assert room_layout(["convert", str(frames), str(bag), "--to", "bag"]) == 0
+    played, words = demo_live._streams(bag)
+    assert words == settings
+    assert len(played) == (2 if missing else 3)
 
 
 def test_a_process_that_ends_early_is_named_with_its_last_words(tmp_path: Path) -> None:

@@ -294,6 +294,14 @@ def test_a_folder_without_classes_is_scored_by_its_layouts_alone(folder: Path, t
     assert "Superpixels (Table 3)" not in (tmp_path / "out" / "report.html").read_text("utf-8")
 
 
+def test_no_report_of_other_numbers_stays_beside_new_ones(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "report.html").write_text("earlier")
+    (tmp_path / "notes.html").write_text("mine")
+    words = ["evaluate", str(folder), "--out", str(tmp_path), "--rgb-only", "--baseline", "none", "--no-report"]
+    assert room_layout(words) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["frames.csv", "notes.html", "summary.json"]
+
+
 def test_true_layouts_given_as_estimates_score_zero(folder: Path, tmp_path: Path) -> None:
     truth = tmp_path / "truth"
     for sample in open_folder(folder):

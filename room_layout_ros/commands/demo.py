@@ -21,7 +21,6 @@ import cv2
 import numpy as np
 
 from room_layout_ros.commands.counts import count, real, seed
-from room_layout_ros.commands.depth_doubts import DepthDoubts, see_depth
 from room_layout_ros.commands.demo_offline import run_offline
 from room_layout_ros.commands.demo_page import DemoFacts, demo_html
 from room_layout_ros.commands.demo_pictures import (
@@ -33,6 +32,7 @@ from room_layout_ros.commands.demo_pictures import (
     write_sheets,
 )
 from room_layout_ros.commands.demo_results import Recording, read_recording
+from room_layout_ros.commands.depth_doubts import DepthDoubts, see_depth
 from room_layout_ros.commands.output_folder import make_folder, remove_files
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics, refuse_bag_options
@@ -59,6 +59,7 @@ _WRITTEN = (
 
 _FOLDERS = ("input", "results", "log/ros", "log")
 
+_NO_ROS = "No ROS 2 wheels are installed here (they exist for Linux on x86-64)"
 _FIRST_TIME = "the first run on a machine compiles for one to four minutes"
 
 RENDERED_FRAMES = 60
@@ -88,10 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
     _check(arguments)
     live = not arguments.no_node and ros_is_here()
     if not live and not arguments.no_node:
-        print(
-            "No ROS 2 wheels are installed here (they exist for Linux on x86-64): running without the node.",
-            file=sys.stderr,
-        )
+        print(f"{_NO_ROS}: running without the node.", file=sys.stderr)
     source = _source(arguments)
     out: Path = arguments.out
     if arguments.input is not None:
@@ -113,8 +111,9 @@ def run(arguments: argparse.Namespace) -> int:
         notes = ()
     _say("draw the pictures and write the page")
     recording = read_recording(mcap)
+    without = "" if live else "--no-node was given" if arguments.no_node else _NO_ROS
     odd = (*left_out, *doubts.sentences(), *recording.doubts)
-    made = _show(out, source, look, recording, mcap, bag, live, (*odd, *notes))
+    made = _show(out, source, look, recording, mcap, bag, without, (*odd, *notes))
     for sentence in odd:
         _say(sentence)
     print("\n".join(str(path) for path in made))
@@ -212,7 +211,7 @@ def _seen(sample: Sample) -> _Seen:
 
 
 def _show(
-    out: Path, source: FrameSource, look: dict[int, _Seen], recording: Recording, mcap: Path, bag: Path, live: bool,
+    out: Path, source: FrameSource, look: dict[int, _Seen], recording: Recording, mcap: Path, bag: Path, without: str,
     notes: tuple[str, ...],
 ) -> list[Path]:  # fmt: skip
     """Write pictures and page; return the paths, the page last."""
@@ -228,9 +227,9 @@ def _show(
     shown = [(look[stamp].picture, recording.overlay[stamp]) + ((floors[stamp],) if floors else ()) for stamp in stamps]
     write_animation(animation, [side_by_side(*pictures) for pictures in shown], max(stamps[-1] - stamps[0], 1) * 1e-9)
     facts = DemoFacts(
-        title="Room layout, live" if live else "Room layout",
+        title="Room layout" if without else "Room layout, live",
         source=f"{source.title}, {len(look)} frames",
-        live=live,
+        without_node=without,
         cards=_cards(look, recording, stamps),
         topics=recording.topics,
         animation=animation.relative_to(out),

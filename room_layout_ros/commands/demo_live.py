@@ -23,6 +23,7 @@ from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.freespace import free_space_of_frame
 from room_layout_ros.core.picture import draw_overlay
 from room_layout_ros.datasets import DataError, good_samples, open_source
+from room_layout_ros.datasets.bag import open_reader
 from room_layout_ros.datasets.bag_topics import COLOR_INFO_TOPIC, COLOR_TOPIC, DEPTH_TOPIC
 from room_layout_ros.playback import set_transport_profile
 
@@ -102,15 +103,26 @@ def run_live(bag: Path, out: Path, stamps_ns: Sequence[int], rate: float | None)
         recorder = start(
             "recorder", ["-m", "room_layout_ros.recording", *recorded_topics(), "--out", str(results)], environment, log
         )
-        node = start("estimator", ["-m", "room_layout_ros.node"], environment, log)
+        played, settings = _streams(bag)
+        node = start("estimator", ["-m", "room_layout_ros.node", *settings], environment, log)
         words = ["--rate", f"{speed:.3f}", "--wait-for-subscribers", "1", "--wait-timeout", f"{START_S:g}"]
-        words += ["--topics", COLOR_TOPIC, COLOR_INFO_TOPIC, DEPTH_TOPIC]
+        words += ["--topics", *played]
         player = start("player", ["-m", "room_layout_ros.cli", "play", str(bag), *words], environment, log)
         _watch((recorder, node), player, duration_s(stamps_ns) / speed)
         time.sleep(_QUIET_S)
         node.stop()
         recorder.stop()
     return _recorded(results, recorder), _notes(recorder, len(stamps_ns), speed)
+
+
+def _streams(bag: Path) -> tuple[list[str], list[str]]:
+    """Return the topics to play, and the words that let the node do without a stream that the bag has not."""
+    with open_reader(bag) as reader:
+        there = {connection.topic for connection in reader.connections}
+    played = [topic for topic in (COLOR_TOPIC, COLOR_INFO_TOPIC, DEPTH_TOPIC) if topic in there]
+    uses = {"use_color": COLOR_TOPIC, "use_depth": DEPTH_TOPIC}
+    settings = [word for name, topic in uses.items() if topic not in there for word in ("-p", f"{name}:=false")]
+    return played, ["--ros-args", *settings] if settings else []
 
 
 def recorded_topics() -> list[str]:

@@ -18,7 +18,7 @@ class DemoFacts:
 
     Attributes
     ----------
-    title, source : what was shown. live : through the node over DDS, or without ROS.
+    title, source : what was shown. without_node : why it went without; "" if live, over DDS.
     cards : (number, what, beside). topics : (name, type, messages) of the recording.
     animation, sheet, mcap, bag : paths relative to the page. sheets : all contact sheets. floors : picture of the free
         space of some frames; None where no frame has any.
@@ -27,7 +27,7 @@ class DemoFacts:
 
     title: str
     source: str
-    live: bool
+    without_node: str
     cards: Sequence[tuple[str, str, str]]
     topics: Sequence[tuple[str, str, int]]
     animation: Path
@@ -44,8 +44,8 @@ _LIVE = """A player published the frames as ROS 2 topics, the <code>estimator</c
 pair into the room you see, and a recorder wrote down what the node published: three processes, talking over DDS like on
 a robot. Everything on this page comes from that recording."""
 
-_OFFLINE = """No ROS 2 wheels exist for this machine, so the same bag went through the same estimator without the node.
-Results and recording are the same; only the transport over DDS was left out."""
+_OFFLINE = """so the same bag went through the same estimator without the node. What you see is the same; left out are
+the transport over DDS and the topics that are not listed below."""
 
 _READING = """Left is what the camera saw. Beside it is what the estimator says: the room's ceiling, floor and walls as
 coloured faces with their edges drawn also behind furniture, and everything that stands in the room in grey."""
@@ -80,7 +80,7 @@ def demo_html(facts: DemoFacts) -> str:
         *_floors(facts.floors),
         *(f"<p><b>Note:</b> {escape(note)}</p>" for note in facts.notes),
         "<h2>What just happened</h2>",
-        f"<p>{_LIVE if facts.live else _OFFLINE}</p>",
+        f"<p>{f'{escape(facts.without_node)}, {_OFFLINE}' if facts.without_node else _LIVE}</p>",
         "<h2>Contact sheet</h2>",
         _image(facts.sheet, "contact sheet"),
         f"<p>Every frame: {', '.join(more)}</p>" if more else "",

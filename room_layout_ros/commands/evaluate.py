@@ -3,7 +3,7 @@
 INPUT is a frames folder with true layouts (layout/NAME.png) and, for the labelling, NYU40 classes (labels40/NAME.png),
 a bag with both, or the official NYU v2 .mat with the layouts that were published apart (--layouts, --classes40).
 --rendered N measures on rendered rooms, whose truth is exact in metres too. DIR gets summary.json, frames.csv and
-report.html.
+report.html, which replace those of an earlier evaluation there; with --no-report an earlier report.html goes.
 Which of two visible walls is called "front" is a guess of the annotators: errors are given with the wall names
 permuted to the best fit; "fixed" is with the names as they are.
 """
@@ -24,7 +24,7 @@ from room_layout_ros.commands.depth_doubts import DepthDoubts
 from room_layout_ros.commands.estimate_frame import parse_settings
 from room_layout_ros.commands.evaluate_input import add_input_arguments, choose_frames, open_input
 from room_layout_ros.commands.models_folder import add_models_argument, usable_models
-from room_layout_ros.commands.output_folder import held_alone
+from room_layout_ros.commands.output_folder import held_alone, remove_files
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.models import config_folder
@@ -237,7 +237,9 @@ def _write(
     write_atomically(out / "summary.json", tables.summary_json(scores, superpixels, **facts).encode())
     write_atomically(out / "frames.csv", tables.frames_csv(scores).encode())
     written = [out / "summary.json", out / "frames.csv"]
-    if _wants_report(arguments):
+    if not _wants_report(arguments):
+        remove_files((out / "report.html",), ())  # of other numbers than those beside it
+    else:
         from room_layout_ros.evaluation.report import report_html
 
         write_atomically(out / "report.html", report_html(scores, frames, source.title, curve).encode())
