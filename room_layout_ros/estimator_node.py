@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rclpy.utilities import ok, try_shutdown
 
 from .core.estimator import LayoutEstimator
-from .ros_process import BAD_SETTINGS, join, sentence, unknown_remaps
+from .ros_process import BAD_SETTINGS, idle_files, join, sentence, unknown_remaps
 from .settings import MakeEstimator
 from .shell import Shell
 
@@ -136,7 +136,8 @@ def _work(make_node: Callable[[], Any], args: Sequence[str] | None) -> tuple[int
             return 0, False
         print(f"{NODE_NAME}: {sentence(error)}", file=sys.stderr)
         return 2, True
-    for warning in unknown_remaps(node, sys.argv if args is None else args, node.shell.topics()):
+    given = sys.argv if args is None else args
+    for warning in (*unknown_remaps(node, given, node.shell.topics()), *idle_files(node, given)):
         node.get_logger().warning(warning)
     executor = SingleThreadedExecutor()
     executor.add_node(node)

@@ -10,8 +10,6 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from itertools import pairwise
-from pathlib import Path
 from types import FrameType
 
 _USAGE = """usage: {program} [--ros-args [-p NAME:=VALUE] [-r FROM:=TO] [--params-file FILE] ...]
@@ -39,38 +37,18 @@ def lifecycle_main(args: Sequence[str] | None = None) -> int:
 def _main(program: str, node: str, args: Sequence[str] | None) -> int:
     _leave_on_signals()
     given = sys.argv[1:] if args is None else args
-    words = _words_of_ours(given)
-    if any(word in ("-h", "--help") for word in words):
+    from . import ros_arguments
+
+    if any(word in ("-h", "--help") for word in ros_arguments.words_of_ours(given)):
         print(_USAGE.format(program=program))
         return 0
-    if words:
-        print(f"{program}: {_refusal(program, words[0])}", file=sys.stderr)
-        return 2
-    missing = [file for option, file in pairwise(given) if option == "--params-file" and not Path(file).is_file()]
-    if missing:
-        print(f"{program}: --params-file {missing[0]}: there is no such file", file=sys.stderr)
+    fault = ros_arguments.fault(program, given)
+    if fault:
+        print(f"{program}: {fault}", file=sys.stderr)
         return 2
     from . import estimator_node
 
     return estimator_node.run(getattr(estimator_node, node), args)
-
-
-def _words_of_ours(args: Sequence[str]) -> list[str]:
-    """Return the words that are none of ROS: outside of `--ros-args ... --`."""
-    words, of_ros = [], False
-    for word in args:
-        if of_ros or word == "--ros-args":
-            of_ros = word != "--"
-        else:
-            words.append(word)
-    return words
-
-
-def _refusal(program: str, word: str) -> str:
-    if ":=" not in word:
-        return f"{word[:80]!r} is no argument; all are ROS's, behind --ros-args (see {program} --help)"
-    kind = "-r" if word.startswith("__") or "/" in word.partition(":=")[0] else "-p"
-    return f"{word[:80]!r} has to stand behind --ros-args: {program} --ros-args {kind} {word[:80]}"
 
 
 def _leave_on_signals() -> None:

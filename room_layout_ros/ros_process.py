@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import pairwise
 from typing import Any
 
 import rclpy
@@ -15,6 +15,7 @@ from rclpy.qos_overriding_options import InvalidQosOverridesError
 from msg_adapters.text import clean_text
 
 from .core.config import nearest_name
+from .ros_arguments import is_meant, node_names, options
 
 DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 LAST_DOMAIN = 232
@@ -82,7 +83,9 @@ def unknown_remaps(node: Any, args: Sequence[str], topics: Iterable[str]) -> Ite
     """
     known = [*topics, *_OF_EVERY_NODE]
     expanded = {node.resolve_topic_name(name, only_expand=True) for name in known}
-    for rule in _remaps(args):
+    for option, rule in options(args):
+        if option not in ("-r", "--remap") or rule is None:
+            continue
         name = rule.partition(":=")[0].removeprefix("rostopic://").removeprefix("rosservice://")
         whose, colon, left = name.rpartition(":")
         if left.startswith("__") or (colon and whose != node.get_name()):
@@ -92,14 +95,18 @@ def unknown_remaps(node: Any, args: Sequence[str], topics: Iterable[str]) -> Ite
             yield f"-r {clean_text(rule, _LONGEST_NAME)} changes nothing: no topic or service of this node; {hint}"
 
 
-def _remaps(args: Sequence[str]) -> Iterator[str]:
-    of_ros = False
-    for word, value in pairwise((*args, "")):
-        of_ros = word == "--ros-args" or (of_ros and word != "--")
-        if of_ros and word in ("-r", "--remap"):
-            yield value
+def idle_files(node: Any, args: Sequence[str]) -> Iterator[str]:
+    """Yield a sentence for each parameter file of the command line that holds nothing for a node; ROS says nothing."""
+    own = node.get_fully_qualified_name()
+    for option, path in options(args):
+        names = node_names(path) if option == "--params-file" and path else [own]
+        if not any(is_meant(name, own) for name in names):
+            hint = nearest_name(own, names, f"it is for {', '.join(names[:3])}" if names else "it is for no node")
+            yield f"--params-file {path} holds nothing for {own}; {hint}"
 
 
 def sentence(error: Exception) -> str:
-    """Return what an error says in one line (rcl marks the place of a bad character on a line of its own)."""
-    return " ".join(str(error).split())
+    """Return what an error says in one line, without the places in the source of rcl."""
+    if type(error).__name__ == "UnknownROSArgsError":  # a list and nothing else
+        return f"{str(error)[1:-1]} is no argument of ROS"
+    return re.sub(r",? at /[^ ,]+:\d+", "", " ".join(str(error).split()))

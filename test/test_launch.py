@@ -91,6 +91,23 @@ def test_every_argument_is_documented(launch_file: dict[str, Any], repository: P
         assert f"`{name}:=" in page or f"{name}:=" in page, name
 
 
+def test_the_node_knows_which_arguments_are_the_launch_files(launch_file: dict[str, Any]) -> None:
+    from room_layout_ros.core.config import parameters
+    from room_layout_ros.node_config import NodeConfig
+    from room_layout_ros.ros_arguments import OF_LAUNCH
+
+    of_node = {row.name for row in parameters(NodeConfig)} | {"use_sim_time"}
+    assert set(OF_LAUNCH) == set(launch_file["ARGUMENTS"]) - of_node
+
+
+def test_the_documented_remappings_are_those_of_the_launch_file(launch_file: dict[str, Any], repository: Path) -> None:
+    page = (repository / "docs" / "cameras.md").read_text("utf-8")
+    section = page.partition("## Without ros2 launch\n")[2].partition("\n## ")[0]
+    given = dict(re.findall(r"-r ([a-z_/]+):=(/camera[\w/]+)", section))
+    names = launch_file["names"]("realsense")
+    assert given == dict(launch_file["remappings"](names))
+
+
 def test_depth_in_its_own_view_comes_from_its_own_topics(launch_file: dict[str, Any]) -> None:
     (aligned,) = started(launch_file, camera="realsense")
     (own,) = started(launch_file, camera="realsense", depth_registered="false")

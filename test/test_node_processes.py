@@ -21,12 +21,15 @@ pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
 pytest.importorskip("rosbags", reason="rosbags is not installed (pip: extra playback)")
 
 from processes import python, read_until, rest, slack
+from rclpy.context import Context
+from rclpy.node import Node
 from room_frames import FRAME_ID, room_frame, stamp_ns
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.outputs import OUTPUTS
+from room_layout_ros.ros_process import idle_files
 
 pytestmark = pytest.mark.dds
 
@@ -233,6 +236,25 @@ def test_f33_wrong_settings_at_the_start_are_a_sentence_and_exit_code_2(
         ("robot_height_m:=1.0", "estimator --ros-args -p robot_height_m:=1.0"),
         ("__node:=left", "estimator --ros-args -r __node:=left"),
         ("rgb/image_rect_color:=/x", "estimator --ros-args -r rgb/image_rect_color:=/x"),
+        (
+            "camera:=realsense",
+            "estimator.launch.py camera:=realsense); docs/cameras.md, Without ros2 launch, has the -r",
+        ),
+        ("depth_registered:=false camera:=oak", "'camera:=oak' is an argument of the launch file"),
+        ("depth_registered:=false", "estimator --ros-args -p depth_registered:=false"),
+        ("namespace:=/left", "here it is --ros-args -r __ns:=/left"),
+        ("imu:=/body/imu", "here it is --ros-args -r imu:=/body/imu"),
+        ("--ros-args -p camera:=realsense", "'camera:=realsense' is an argument of the launch file"),
+        ("--ros-args -p queue_size:=9 camera_height:=0.8", "estimator: -p is missing before camera_height:=0.8"),
+        ("--ros-args -p queue_size:=9 rgb/camera_info:=/x", "estimator: -r is missing before rgb/camera_info:=/x"),
+        ("--ros-args -p queue_size:=9 fast", "'fast' is no argument of ROS; what stands before it is complete"),
+        ("--ros-args --fast", "'--fast' is no argument of ROS"),
+        ("--ros-args -p color_transport=compressed", "missing in -p color_transport=compressed; write -p color_tran"),
+        ("--ros-args -r a=/b", "':=' is missing in -r a=/b; write -r a:=/b"),
+        ("--ros-args -p fast", "':=' is missing in -p fast; it must be -p NAME:=VALUE"),
+        ("--ros-args -p fast:=", "nothing stands behind ':=' in -p fast:=; it must be -p NAME:=VALUE"),
+        ("--ros-args -r", "nothing stands behind -r; it must be -r FROM:=TO"),
+        ("--ros-args -r __ns:=left", "a namespace begins with '/': write -r __ns:=/left in the place of -r __ns:=left"),
         ("--params-file", "'--params-file' is no argument"),
         ("--ros-args --params-file nofile.yaml", "estimator: --params-file nofile.yaml: there is no such file"),
         ("-- extra", "'--' is no argument"),
@@ -305,6 +327,70 @@ def test_f33_a_missing_parameter_file_is_a_sentence_and_exit_code_2(repository: 
     assert node.returncode == 2, said
     assert "Traceback" not in said
     assert "/nowhere/estimator.yaml" in said
+
+
+@pytest.mark.parametrize(("text", "line"), (("camera_height: 1.0", 1), ("estimator:\n  camera_height: 1.0", 2)))
+def test_f33_a_parameter_file_without_ros_parameters_is_a_sentence_and_exit_code_2(
+    repository: Path, tmp_path: Path, text: str, line: int
+) -> None:
+    file = tmp_path / "my.yaml"
+    file.write_text(text)
+    with python(repository, *NODE, "--params-file", str(file)) as node:
+        said = rest(node, 30)
+    assert node.returncode == 2, said
+    words = "'camera_height' has to stand below ros__parameters, and that below the name of the node"
+    assert said == f"estimator: --params-file {file}, line {line}: {words}: see config/estimator.yaml\n"
+
+
+def test_f33_what_only_ros_finds_wrong_names_no_place_in_its_source(repository: Path) -> None:
+    with python(repository, *NODE, "--log-level", "loud") as node:
+        said = rest(node, 30)
+    assert node.returncode == 2, said
+    assert said.endswith("'--log-level loud'. Error: Argument does not use a valid severity level\n")
+
+
+HEIGHT = "ros__parameters: {camera_height: 1.5}"
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    (
+        (f"estimatr: {{{HEIGHT}}}", "the nearest name is /estimatr"),
+        (f"left: {{estimator: {{{HEIGHT}}}}}", "the nearest name is /left/estimator"),
+        (f"/*/estimator: {{{HEIGHT}}}", "the nearest name is /*/estimator"),
+        (f"a: {{{HEIGHT}}}\nb: {{{HEIGHT}}}", "it is for /a, /b"),
+        ("", "it is for no node"),
+        (f"/**: {{{HEIGHT}}}", None),
+        (f"'*': {{{HEIGHT}}}", None),
+        (f"/**/estimator: {{{HEIGHT}}}", None),
+        (f"/estimator: {{{HEIGHT}}}\nother: {{{HEIGHT}}}", None),
+    ),
+)
+def test_f33_a_parameter_file_that_holds_nothing_for_the_node_is_a_warning(
+    tmp_path: Path, text: str, hint: str | None
+) -> None:
+    """As rclpy has it: where there is no warning, the value has come."""
+    file = tmp_path / "my.yaml"
+    file.write_text(text)
+    context = Context()
+    context.init(args=["--ros-args", "--params-file", str(file)])
+    try:
+        node = Node("estimator", context=context)
+        said = list(idle_files(node, ["--ros-args", "--params-file", str(file)]))
+        assert bool(node._parameter_overrides) == (hint is None)
+        node.destroy_node()
+    finally:
+        context.try_shutdown()
+    assert said == ([] if hint is None else [f"--params-file {file} holds nothing for /estimator; {hint}"])
+
+
+def test_f33_a_parameter_file_of_other_nodes_is_a_warning_at_the_start(repository: Path) -> None:
+    with python(repository, *NODE, "--params-file", "config/nav2_costmap.yaml") as node:
+        said = read_until(node, "warm after")
+        end_in_time(node, signal.SIGINT)
+    (line,) = [line for line in said.splitlines() if "holds nothing" in line]
+    assert "[WARN]" in line
+    assert "config/nav2_costmap.yaml holds nothing for /estimator; it is for /local_costmap/local_costmap" in line
 
 
 def test_f33_a_domain_that_is_none_is_a_sentence_and_exit_code_2(repository: Path) -> None:
