@@ -8,16 +8,19 @@ from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
 
 from msg_adapters.text import clean_text
 
 from .core.config import Parameter, Value, nearest_name, parameters
+from .node_config import TABLES
 
 Table = TypeVar("Table")
 
 _OF_ROS = ("qos_overrides.",)
 """Parameters that rclpy declares later, with the topics."""
 
+_FLOATS = {row.name for _, table in TABLES for row in parameters(table) if type(row.default) is float}
 _INT_MAX = 2**31 - 1
 _LONGEST_NAME = 120
 
@@ -46,14 +49,25 @@ def describe(parameter: Parameter) -> ParameterDescriptor:
     return descriptor
 
 
+def widened(changes: Iterable[RosParameter]) -> list[RosParameter]:
+    """Return parameters, a whole number as a float where the tables have one: `camera_height:=1` is 1.0."""
+    return [_as_float(p) if p.type_ == RosParameter.Type.INTEGER and p.name in _FLOATS else p for p in changes]
+
+
+def _as_float(whole: RosParameter) -> RosParameter:
+    return RosParameter(whole.name, RosParameter.Type.DOUBLE, float(whole.value))
+
+
 def declare(node: Node, tables: Iterable[type]) -> None:
-    """Declare every row of the tables.
+    """Declare every row of the tables; what is given at the start may be a whole number where a float is meant.
 
     Raises
     ------
     rclpy.exceptions.ParameterException
         When a value given at the start is of the wrong type or out of range.
     """
+    given = node._parameter_overrides  # rclpy refuses a whole number
+    given.update({p.name: p for p in widened(given.values())})
     for table in tables:
         for row in parameters(table):
             node.declare_parameter(row.name, row.default, describe(row))

@@ -59,6 +59,7 @@ class Shell:
         self._inputs = Subscriptions(node, self._guard, self._on_message, self._on_imu, self._on_lost)
         for sentence in parameters.unknown_overrides(node, [*self._inputs.overrides(), *overrides(node)]):
             node.get_logger().warning(sentence)
+        node.add_pre_set_parameters_callback(parameters.widened)
         node.add_on_set_parameters_callback(self._check_parameters)
         node.add_post_set_parameters_callback(self._apply_parameters)
         self._checked: tuple[dict[str, Any], Settings] | None = None

@@ -309,6 +309,19 @@ def test_a_parameter_out_of_bounds_is_refused_and_the_old_set_stays(bench: Bench
     bench.expect(first)
 
 
+def test_a_whole_number_is_a_float_where_one_is_meant_at_the_start_and_while_it_runs() -> None:
+    with running(camera_height=1, robot_height_m=2) as bench:
+        assert bench.node.shell._settings.node.camera_height == 1.0
+        changes = [Parameter("camera_height", value=2), Parameter("queue_size", value=7)]
+        assert bench.node.set_parameters_atomically(changes).successful
+        assert bench.node.shell._settings.node.camera_height == 2.0
+        values = [bench.node.get_parameter(n).value for n in ("camera_height", "robot_height_m", "queue_size")]
+        assert [(type(value), value) for value in values] == [(float, 2.0), (float, 2.0), (int, 7)]
+        refused = bench.node.set_parameters([Parameter("camera_height", value=11)])[0]
+        assert not refused.successful
+        assert bench.node.get_parameter("camera_height").value == 2.0
+
+
 @pytest.mark.parametrize("error", (ValueError("weights of 5 layers; 4 are needed"), RuntimeError("no memory today")))
 def test_f33_a_parameter_that_no_estimator_can_be_made_of_is_refused_and_changes_nothing(
     bench: Bench, first: int, error: Exception, monkeypatch: pytest.MonkeyPatch

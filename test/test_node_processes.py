@@ -211,6 +211,7 @@ def end_in_time(node: subprocess.Popen[str], number: signal.Signals) -> None:
         ("queue_size:=many", "queue_size"),
         ("max_depth_m:=.nan", "max_depth_m"),
         ("reset_gap:=0.01", "reset_gap"),
+        ("camera_height:=11", "camera_height"),
         (f"{RELIABILITY}:=sometimes", f"{RELIABILITY} is 'sometimes'; allowed are"),
         (f"{RELIABILITY}:=3", RELIABILITY),
         (f"{DEPTH}:=0", f"{DEPTH} is 0; it must be at least 1"),
@@ -302,7 +303,7 @@ def test_what_ros_and_launch_files_give_at_the_start_is_taken(repository: Path) 
         "-p use_sim_time:=false",
         "--log-level info",
     )
-    given += ("-p start_type_description_service:=false", f"-p {RELIABILITY}:=reliable", "-p robot_height_m:=1.0")
+    given += ("-p start_type_description_service:=false", f"-p {RELIABILITY}:=reliable", "-p robot_height_m:=1")
     with python(repository, *NODE, *" ".join(given).split()) as node:
         assert "a.left" in read_until(node, "warm after|ready after")
         end_in_time(node, signal.SIGINT)
