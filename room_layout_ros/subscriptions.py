@@ -121,7 +121,9 @@ class Subscriptions:
                 topic = self._topic(stream, settings)
                 publishers = self._node.count_publishers(topic)
                 pose = _extrinsics(settings) if stream == DEPTH else ""
-                facts[stream] = InputFacts(topic, wanted, publishers, self._clashes.get(stream, ""), pose)
+                elsewhere = "" if publishers else self._elsewhere(stream)
+                clash = self._clashes.get(stream, "")
+                facts[stream] = InputFacts(topic, wanted, publishers, clash, pose, elsewhere=elsewhere)
         if settings.node.pose_source == "imu":
             topic = self._node.resolve_topic_name(IMU_TOPIC)
             facts[IMU] = InputFacts(topic, True, self._node.count_publishers(topic), self._clashes.get(IMU, ""))
@@ -151,6 +153,14 @@ class Subscriptions:
         """Return the resolved name of the topic that is subscribed."""
         topic: str = self._node.resolve_topic_name(self._name(stream, transport_of(stream, settings.node)))
         return topic
+
+    def _elsewhere(self, stream: str) -> str:
+        """Say which other transport of a stream somebody publishes, and what takes it; "" where nobody does."""
+        for kind in TRANSPORTS.get(stream, ()):
+            topic = self._node.resolve_topic_name(self._name(stream, kind))
+            if self._node.count_publishers(topic):
+                return f"{topic} is there; set {stream}_transport to {kind}"
+        return ""
 
     def _name(self, stream: str, transport: str) -> str:
         """Return the name by which a topic is subscribed; ROS resolves it then, so that it must not be resolved before.

@@ -31,6 +31,7 @@ from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.registration import register_depth
 from room_layout_ros.datasets.calibration import CameraCalibration, write_calibration
 from room_layout_ros.estimator_node import EstimatorNode
+from room_layout_ros.inputs import INPUT_TOPICS
 from room_layout_ros.node_config import parse_pose
 
 pytestmark = pytest.mark.dds
@@ -87,6 +88,28 @@ def test_the_transport_can_change_while_it_runs() -> None:
         bench.until_subscribed()
         bench.send(1, compressed_color(1), compressed_depth(1))
         bench.until(lambda: bench.labels_of(1))
+
+
+@pytest.mark.parametrize(
+    ("published", "subscribed", "depth"),
+    (("raw", "compressed", "compressedDepth"), ("compressed", "raw", "raw")),
+)
+def test_f01_a_stream_that_comes_by_another_transport_is_said_with_topic_and_parameter(
+    published: str, subscribed: str, depth: str
+) -> None:
+    with running(no_data_timeout=0.5, color_transport=subscribed, depth_transport=depth) as bench:
+        if published == "compressed":
+            compress_cameras(bench)
+        bench.listen("estimator/labels", messages.Image)
+        for name, stream, kinds in (
+            ("colour", "color", {"raw": "", "compressed": "/compressed"}),
+            ("depth", "depth", {"raw": "", "compressed": "/compressedDepth"}),
+        ):
+            topic = f"{bench.namespace}/{INPUT_TOPICS[stream]}"
+            there = f"{topic}{kinds[published]}"
+            kind = kinds[published].strip("/") or "raw"
+            words = f"on {topic}{kinds[subscribed]}; nobody publishes it, but {there} is there; set {stream}_transport"
+            bench.until(partial(bench.said, f"input {name}", f"{words} to {kind}"))
 
 
 def test_a_damaged_compressed_image_is_refused_and_the_next_works() -> None:

@@ -41,6 +41,8 @@ class InputFacts:
     """Why a camera's images may not be rectified, which the log has said; "" where they are."""
     foreign: str = ""
     """Why a camera may not be that of the images; "" where it is."""
+    elsewhere: str = ""
+    """Topic of another transport that is published in the place of this one, and what takes it; "" where none is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +139,7 @@ def _input_state(stream: str, now: StreamHealth, before: StreamHealth, facts: No
         return _Said(Level.ERROR, words, "messages refused", logged=True)
     silence = min(now.silence_s, facts.listening_s)
     if silence > facts.no_data_timeout_s and not (stream in CAMERAS and now.paired):
-        seen = "nobody publishes it" if graph.publishers == 0 else f"{graph.publishers} publisher(s) seen"
+        seen = _publishers_seen(graph)
         return _Said(Level.ERROR, f"no {name} for {silence:.0f} s on {graph.topic}; {seen}", f"silence, {seen}")
     doubt = _camera_doubt(graph)
     if doubt:
@@ -152,6 +154,12 @@ def _input_state(stream: str, now: StreamHealth, before: StreamHealth, facts: No
         words = f"{graph.publishers} publishers on {graph.topic}; there should be one"
         return _Said(Level.WARN, words, "publishers")
     return _Said(Level.OK, f"{name} at {now.rate_hz:.1f} Hz")
+
+
+def _publishers_seen(graph: InputFacts) -> str:
+    if graph.publishers:
+        return f"{graph.publishers} publisher(s) seen"
+    return f"nobody publishes it, but {graph.elsewhere}" if graph.elsewhere else "nobody publishes it"
 
 
 def _camera_doubt(graph: InputFacts) -> _Said | None:
