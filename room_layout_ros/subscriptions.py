@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -75,6 +76,7 @@ class Subscriptions:
         self._seen: dict[str, deque[tuple[int, bytes]]] = {}
         self._clashes: dict[str, str] = {}
         self._numbers: dict[str, int] = {}
+        self._told: dict[str, float] = {}  # when the middleware last told of lost messages
         self._since = 0.0
         self._declare_qos()
 
@@ -104,7 +106,7 @@ class Subscriptions:
         """Drop all subscriptions."""
         for subscription in (*self._open.values(), *self._latched.values()):
             self._node.destroy_subscription(subscription)
-        self._open, self._latched, self._seen, self._clashes, self._numbers = {}, {}, {}, {}, {}
+        self._open, self._latched, self._seen, self._clashes, self._numbers, self._told = {}, {}, {}, {}, {}, {}
 
     def follow(self) -> None:
         """Subscribe camera_info for a second time where somebody latches it; to be called now and then."""
@@ -113,8 +115,9 @@ class Subscriptions:
                 self._subscribe_latched(stream)
 
     def facts(self, settings: Settings) -> dict[str, InputFacts]:
-        """Return what the graph says about each input, for the diagnosis."""
+        """Return what graph and middleware say about each input, for the diagnosis."""
         facts = {}
+        recent_s = time.monotonic() - settings.node.no_data_timeout
         for stream, wanted in settings.used().items():
             file = settings.depth_camera if stream == DEPTH_CAMERA and not settings.node.depth_registered else None
             if wanted or file is not None or stream in (COLOR, DEPTH, CAMERA):
@@ -123,7 +126,10 @@ class Subscriptions:
                 pose = _extrinsics(settings) if stream == DEPTH else ""
                 elsewhere = "" if publishers else self._elsewhere(stream)
                 clash = self._clashes.get(stream, "")
-                facts[stream] = InputFacts(topic, wanted, publishers, clash, pose, elsewhere=elsewhere)
+                lost = self._told.get(stream, -math.inf) > recent_s
+                facts[stream] = InputFacts(
+                    topic, wanted, publishers, clash, pose, elsewhere=elsewhere, lost_on_way=lost
+                )
         if settings.node.pose_source == "imu":
             topic = self._node.resolve_topic_name(IMU_TOPIC)
             facts[IMU] = InputFacts(topic, True, self._node.count_publishers(topic), self._clashes.get(IMU, ""))
@@ -271,6 +277,7 @@ class Subscriptions:
             self._on_lost(stream, number - before - 1)
 
     def _lost(self, stream: str, info: Any) -> None:
+        self._told[stream] = time.monotonic()
         if stream not in self._numbers:  # a middleware without numbers
             self._on_lost(stream, info.total_count_change)
 

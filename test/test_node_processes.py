@@ -150,6 +150,17 @@ def test_three_processes_at_30_hz_account_for_every_frame_and_agree_with_offline
         check_agrees_with_offline(published[stamp], estimator, number[stamp])
 
 
+def test_f13_what_small_shared_memory_loses_is_lost_on_the_way_and_names_the_profile(repository: Path) -> None:
+    namespace = f"/lossy{os.getpid()}"
+    with python(repository, *NODE, *remapped(namespace, "lazy_inputs:=false")) as node:
+        read_until(node, "listening to")
+        arguments = (str(HERE / "dds_player.py"), "--frames", "150", "--namespace", namespace)
+        with python(repository, *arguments, FASTRTPS_DEFAULT_PROFILES_FILE=""):
+            said = read_until(node, "messages lost on the way")
+        end_in_time(node, signal.SIGINT)
+    assert f"FASTRTPS_DEFAULT_PROFILES_FILE={repository / 'config' / 'fastdds.xml'}" in said.splitlines()[-1]
+
+
 @pytest.mark.parametrize("number", (signal.SIGINT, signal.SIGTERM), ids=("SIGINT", "SIGTERM"))
 @pytest.mark.parametrize("moment", ("warming up", "idle", "in a frame"))
 def test_f39_a_signal_ends_it_in_two_seconds_with_exit_code_0(

@@ -14,7 +14,7 @@ from room_layout_ros.runtime.diagnosis import InputFacts, NodeFacts
 from room_layout_ros.runtime.health import Health, StreamHealth
 from room_layout_ros.runtime.pairing import COLOR
 
-FACTS = NodeFacts(inputs={COLOR: InputFacts("/rgb", publishers=1)}, listening_s=60.0)
+FACTS = NodeFacts(inputs={COLOR: InputFacts("/rgb", publishers=1, lost_on_way=True)}, listening_s=60.0)
 FLOWING = Health(streams={COLOR: StreamHealth(received=300, paired=300, silence_s=0.0, usable_silence_s=0.0)})
 
 

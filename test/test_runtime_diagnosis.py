@@ -134,11 +134,19 @@ def test_a_refusal_is_quoted_with_its_count() -> None:
     assert findings(health, before=health)["input depth"].level == Level.OK, "over when no more come"
 
 
-def test_lost_messages_name_the_cure() -> None:
-    found = findings(with_stream(COLOR, lost=12), facts=replace(FACTS, profile="/x/fastdds.xml"))["input colour"]
+def test_messages_lost_on_the_way_name_the_cure() -> None:
+    facts = replace(with_input(COLOR, lost_on_way=True), profile="/x/fastdds.xml")
+    found = findings(with_stream(COLOR, lost=12), facts=facts)["input colour"]
     assert found.level == Level.WARN
-    assert "12 colour messages lost" in found.message
-    assert "FASTRTPS_DEFAULT_PROFILES_FILE=/x/fastdds.xml" in found.message
+    cure = "start the publisher with FASTRTPS_DEFAULT_PROFILES_FILE=/x/fastdds.xml (larger shared memory; room-layout"
+    assert found.message.startswith(f"12 colour messages lost on the way; {cure}")
+    assert found.message.endswith("or this machine is too busy")
+
+
+def test_messages_that_came_and_were_not_taken_blame_no_publisher() -> None:
+    found = findings(with_stream(COLOR, lost=12))["input colour"]
+    words = "12 colour messages came while this process got no time to take them; this machine is too busy"
+    assert (found.level, found.message) == (Level.WARN, words)
 
 
 def test_a_clash_of_qos_names_topic_and_policy() -> None:

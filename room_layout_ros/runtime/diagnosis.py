@@ -43,6 +43,8 @@ class InputFacts:
     """Why a camera may not be that of the images; "" where it is."""
     elsewhere: str = ""
     """Topic of another transport that is published in the place of this one, and what takes it; "" where none is."""
+    lost_on_way: bool = False
+    """True where the middleware told of messages that it lost; those that nobody took in time it does not count."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,15 +147,23 @@ def _input_state(stream: str, now: StreamHealth, before: StreamHealth, facts: No
     if doubt:
         return doubt
     if now.lost > before.lost:
-        words = (
-            f"{now.lost - before.lost} {name} messages lost on the way; start the publisher with "
-            f"FASTRTPS_DEFAULT_PROFILES_FILE={facts.profile} (larger shared memory), or this machine is too busy"
-        )
-        return _Said(Level.WARN, words, "messages lost")
+        return _loss(now.lost - before.lost, name, graph, facts)
     if graph.publishers > 1:
         words = f"{graph.publishers} publishers on {graph.topic}; there should be one"
         return _Said(Level.WARN, words, "publishers")
     return _Said(Level.OK, f"{name} at {now.rate_hz:.1f} Hz")
+
+
+def _loss(number: int, name: str, graph: InputFacts, facts: NodeFacts) -> _Said:
+    if not graph.lost_on_way:
+        words = f"{number} {name} messages came while this process got no time to take them; this machine is too busy"
+        return _Said(Level.WARN, words, "messages not taken")
+    words = (
+        f"{number} {name} messages lost on the way; start the publisher with "
+        f"FASTRTPS_DEFAULT_PROFILES_FILE={facts.profile} (larger shared memory; "
+        "room-layout play has it), or this machine is too busy"
+    )
+    return _Said(Level.WARN, words, "messages lost")
 
 
 def _publishers_seen(graph: InputFacts) -> str:
