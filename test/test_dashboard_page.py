@@ -301,7 +301,25 @@ def test_the_sum_of_the_stages_is_called_so(page: Page, rooms: list[Room], took:
     page.board.show(replace(rooms[0], name=f"took {took}", stages=stages, milliseconds=took))
     page.wait()
     title = page.browser.value("document.getElementById('stages')._fullLayout.xaxis.title.text")
-    assert title == f"{said} (stages run beside each other)"
+    assert title == f"{said}<br>(stages run beside each other)"
+
+
+@pytest.mark.parametrize("width", [1500, 1120])
+def test_the_title_of_the_stages_is_seen_whole(page: Page, rooms: list[Room], width: int) -> None:
+    page.browser.call("Emulation.setDeviceMetricsOverride", width=width, height=1400, deviceScaleFactor=1, mobile=False)
+    try:
+        page.browser.wait_for(f"innerWidth === {width}")
+        stages = {"superpixels": 123.4, "orientation": 20.0}
+        page.board.show(replace(rooms[0], name=f"at {width}", stages=stages, milliseconds=1234.5))
+        page.wait()
+        plot, title = (
+            page.browser.value(f"document.querySelector('{which}').getBoundingClientRect().toJSON()")
+            for which in ("#stages", "#stages .xtitle")
+        )
+    finally:
+        page.browser.call("Emulation.clearDeviceMetricsOverride")
+    assert plot["left"] <= title["left"] < title["right"] <= plot["right"]
+    assert plot["top"] <= title["top"] < title["bottom"] <= plot["bottom"]
 
 
 def test_nothing_of_all_this_was_an_error(page: Page) -> None:

@@ -52,6 +52,8 @@ def test_page_points_to_files_that_are_there(made: Path) -> None:
     assert f"{N_FRAMES} of {N_FRAMES}" in page
     assert "--no-node was given, so the same bag went through the same estimator without the node" in page
     assert "wheels" not in page
+    assert "the clutter, keeps the colours of the picture, under a grey hatch" in " ".join(page.split())
+    assert "clutter (hatched)" in page
 
 
 def test_page_states_the_layout_error_against_the_rendered_truth(made: Path) -> None:

@@ -31,8 +31,9 @@ from room_layout_ros.evaluation import baselines, figures, tables
 from room_layout_ros.evaluation.c_curve import CCurve, CPoint, read_c_curve, update_c_curve
 from room_layout_ros.evaluation.calibration import face_reliability, frame_reliability
 from room_layout_ros.evaluation.folder_predictions import read_folder
+from room_layout_ros.evaluation.measures import Reliability
 from room_layout_ros.evaluation.prediction import Prediction
-from room_layout_ros.evaluation.scores import SetScore, run
+from room_layout_ros.evaluation.scores import Figure, SetScore, run
 
 CAMERA = CameraIntrinsics(640, 480, 520.0, 520.0, 319.5, 239.5)
 ROOM = RoomCuboid(np.eye(3), np.array([1.3, 1.2, 1.5, 3.0, 1.4]))
@@ -219,6 +220,30 @@ def test_each_table_has_all_its_rows_and_ours_with_intervals(rendered: Run, head
     section = rendered.section(heading)
     assert section.count("<tr") == 1 + rows
     assert re.search(r"<td>[\d.]+ \([\d.]+-[\d.]+\)", section)
+
+
+@pytest.mark.parametrize("heading", TABLES)
+def test_no_value_lies_outside_its_own_interval(rendered: Run, heading: str) -> None:
+    told = re.findall(r"([\d.]+) \(([\d.]+)-([\d.]+)\)", rendered.section(heading))
+    assert told
+    assert [(v, low, high) for v, low, high in told if not float(low) <= float(v) <= float(high)] == []
+    assert tables.with_span(Figure(0.0934, 0.0911, 0.0962), 1.0) == "0.09 (0.09-0.10)"
+    assert tables.with_span(Figure(0.0934, 0.0511, 0.1362)) == "9.34 (5.1-13.6)"
+
+
+def test_colours_of_furniture_and_curves_have_their_names_beside_the_drawing(rendered: Run) -> None:
+    assert "</i>cabinet" in rendered.section(EVERY_FRAME)
+    curves = rendered.section("How the errors are spread")
+    legend, drawing = curves.split("<svg")
+    assert [title in legend for title in rendered.methods] == [True] * METHODS
+    assert not any(f">{title}<" in drawing for title in rendered.methods), "no curve crosses a name"
+
+
+def test_points_at_the_ends_of_the_scale_are_whole_and_the_title_is_two_statements() -> None:
+    bins = Reliability(np.linspace(0, 1, 3), np.array([4, 4]), np.array([0.0, 1.0]), np.array([0.0, 1.0]), 0.002)
+    drawn = figures.calibration(bins, None)
+    assert "share of pixels right; ECE 0.002" in drawn
+    assert not re.search(r"<g clip-path[^>]*>\s*<use", drawn)
 
 
 @pytest.mark.parametrize(("heading", "count"), DRAWINGS.items())

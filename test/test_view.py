@@ -28,6 +28,7 @@ NEEDS_RERUN = pytest.mark.skipif(
     importlib.util.find_spec("rerun") is None, reason="rerun-sdk is not installed (extra viz)"
 )
 VIEWS = [[], pytest.param(["--rrd", "OUT"], marks=NEEDS_RERUN)]
+FURNITURE = pictures.furniture_legend()
 CAMERA = CameraIntrinsics(160, 120, 130.0, 130.0, 79.5, 59.5)
 
 
@@ -84,6 +85,14 @@ def room_estimate(room: RoomCuboid) -> RoomEstimate:
     return RoomEstimate(
         Status.OK, layout, layout, empty, empty.astype(np.int32), np.eye(3), 1.0, 1.0, np.ones(5), room, ()
     )
+
+
+def test_furniture_stage_names_the_colours_of_its_classes() -> None:
+    classes = np.full((240, 320), 5, np.uint8)
+    shown = pictures.draw_legend(pictures.paint_classes(np.zeros((240, 320, 3), np.uint8), classes), FURNITURE)
+    assert [name for name, _ in FURNITURE] == ["toilet", "bed", "table", "cabinet", "sofa", "chair"]
+    for _, color in FURNITURE:
+        assert (shown == np.array(color, np.uint8)).all(axis=2).sum() >= 13 * 13
 
 
 def test_labels_stage_shows_the_colour_of_each_label() -> None:

@@ -102,8 +102,8 @@ function drawStages(state) {
   const all = took === null ? `sum ${sum.toFixed(1)}` : `frame ${took.toFixed(1)}, sum ${sum.toFixed(1)}`;
   return Plotly.react("stages", [{type: "bar", orientation: "h", y: names, x: ms, marker: {color: "#6db0ff"},
     text: ms.map(v => v.toFixed(1)), textposition: "auto", hovertemplate: "%{y}: %{x:.2f} ms<extra></extra>"}], dark({
-    margin: {l: 8, r: 12, t: 8, b: 42}, bargap: 0.3,
-    xaxis: axis(`ms: ${all} (stages run beside each other)`, {rangemode: "tozero"}),
+    margin: {l: 8, r: 12, t: 8, b: 60}, bargap: 0.3,
+    xaxis: axis(`ms: ${all}<br>(stages run beside each other)`, {rangemode: "tozero"}),
     yaxis: axis("", {autorange: "reversed", automargin: true})}), config([]));
 }
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from room_layout_ros.core.labels import LABEL_COLORS, LABEL_NAMES
+from room_layout_ros.core.labels import CLUTTER, LABEL_COLORS, LABEL_NAMES
 from room_layout_ros.evaluation import page
 from room_layout_ros.evaluation.floor_picture import FREE_COLOR, OCCUPIED_COLOR, UNKNOWN_COLOR
 
@@ -48,7 +48,8 @@ _OFFLINE = """so the same bag went through the same estimator without the node. 
 the transport over DDS and the topics that are not listed below."""
 
 _READING = """Left is what the camera saw. Beside it is what the estimator says: the room's ceiling, floor and walls as
-coloured faces with their edges drawn also behind furniture, and everything that stands in the room in grey."""
+coloured faces with their edges drawn also behind furniture. Everything that stands in the room, the clutter, keeps the
+colours of the picture, under a grey hatch and with a dark rim."""
 
 
 _FLOORS = """The same frames from above, as on the right of the moving picture: the camera is the blue dot and looks up,
@@ -68,7 +69,8 @@ _FOXGLOVE = """(or <code>ros2 bag play</code> it). In a 3D panel switch on <code
 
 def demo_html(facts: DemoFacts) -> str:
     """Return the page."""
-    names = [(name, tuple(color)) for name, color in zip(LABEL_NAMES, LABEL_COLORS.tolist(), strict=True)]
+    colors = zip(LABEL_NAMES, LABEL_COLORS.tolist(), strict=True)
+    names = [(f"{name} (hatched)" if name == LABEL_NAMES[CLUTTER] else name, tuple(color)) for name, color in colors]
     more = [_link(sheet) for sheet in facts.sheets if sheet != facts.sheet]
     body = [
         f"<h1>{escape(facts.title)}</h1><p class='soft'>{escape(facts.source)}</p>",

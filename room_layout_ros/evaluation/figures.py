@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from . import measures
+from . import measures, page
 from .c_curve import CCurve
 from .published import FIGURE_4_C, PAPER_RGB, PAPER_RGBD
 from .scores import SetScore
@@ -31,7 +31,7 @@ def scatter_rgb_against_rgbd(rgbd: SetScore, rgb: SetScore) -> str:
     for ax, (what, with_depth, without) in zip(axes, pairs, strict=True):
         top = 105 * float(np.nanmax([*with_depth, *without, 0.1]))
         ax.plot([0, top], [0, top], color="#d03030", lw=1.2)
-        ax.plot(100 * with_depth, 100 * without, "o", ms=5, alpha=0.7, color=COLORS[0])
+        ax.plot(100 * with_depth, 100 * without, "o", ms=5, alpha=0.7, color=COLORS[0], clip_on=False)
         known = np.isfinite(with_depth) & np.isfinite(without)
         above = (without > with_depth)[known].mean() if known.any() else float("nan")
         ax.set(xlabel="RGB-D, %", ylabel="RGB, %", xlim=(0, top), ylim=(0, top))
@@ -47,10 +47,9 @@ def error_curves(scores: Sequence[SetScore]) -> str:
             errors = score.layout_errors if what == "layout" else score.labelling_errors
             errors = np.sort(100 * errors[np.isfinite(errors)])
             ax.step(np.append(0, errors), np.arange(len(errors) + 1) / max(len(errors), 1), where="post", color=color)
-            ax.plot([], [], color=color, label=score.title)
         ax.set(xlabel=f"{what} error, %", ylabel="share of frames", xlim=(0, 60), ylim=(0, 1.01))
-    axes[1].legend(frameon=False, fontsize=8, loc="lower right")
-    return _svg(figure)
+    names = [(score.title, _rgb(color)) for color, score in zip(COLORS, scores, strict=False)]
+    return page.legend(names) + _svg(figure)  # beside the curves: within the axes some curve would cross it
 
 
 def calibration(frames: measures.Reliability | None, faces: measures.Reliability | None) -> str:
@@ -63,11 +62,11 @@ def calibration(frames: measures.Reliability | None, faces: measures.Reliability
     for ax, (what, bins) in zip(axes, named, strict=True):
         ax.plot([0, 1], [0, 1], color="#b8bfc9", lw=1)
         ax.set(xlim=(0, 1), ylim=(0, 1), xlabel="stated confidence", ylabel="measured")
-        ax.set_title(f"{what}" + ("" if bins is None else f"  ECE {bins.ece:.3f}"), fontsize=9)
+        ax.set_title(f"{what}" + ("" if bins is None else f"; ECE {bins.ece:.3f}"), fontsize=9)
         if bins is not None:
             centres = (bins.edges[:-1] + bins.edges[1:]) / 2
             ax.bar(centres, bins.count / bins.count.sum(), width=0.09, color="#dfe6ee")
-            ax.plot(bins.confidence, bins.accuracy, "o-", color=COLORS[0], ms=5)
+            ax.plot(bins.confidence, bins.accuracy, "o-", color=COLORS[0], ms=5, clip_on=False)  # 0 and 1 are whole
     return _svg(figure)
 
 
@@ -105,6 +104,12 @@ def confusion(counts: NDArray[np.int64], names: Sequence[str]) -> str:
     ax.set_yticks(range(len(names) - 1), names[1:], fontsize=8)
     ax.set(xlabel="estimate", ylabel="truth")
     return _svg(figure)
+
+
+def _rgb(color: str) -> tuple[int, int, int]:
+    """Return the numbers of a colour like #1668c9."""
+    red, green, blue = bytes.fromhex(color[1:])
+    return red, green, blue
 
 
 def _figure(columns: int) -> tuple[Figure, list[Axes]]:

@@ -44,6 +44,7 @@ tr.ours td { font-weight:650 } td.best { color:var(--good) }
 .figure { border:1px solid var(--line); border-radius:10px; padding:8px; margin:10px 0 }
 .pair { display:grid; grid-template-columns:repeat(auto-fit,minmax(380px,1fr)); gap:16px }
 .frame { background:var(--card); border:1px solid var(--line); border-radius:10px; padding:10px 12px; margin:12px 0 }
+.legend { max-width:none } .legend span { white-space:nowrap }
 .legend i { display:inline-block; width:13px; height:13px; border-radius:3px; margin:0 6px 0 16px; vertical-align:-1px }
 """
 
@@ -91,5 +92,5 @@ def picture(content: bytes, kind: str, alt: str) -> str:
 
 def legend(entries: Iterable[tuple[str, Sequence[int]]]) -> str:
     """Return names with their colours."""
-    marks = [f"<i style='background:rgb({r},{g},{b})'></i>{escape(name)}" for name, (r, g, b) in entries]
-    return f"<p class='legend'>{''.join(marks)}</p>"
+    marks = [f"<span><i style='background:rgb({r},{g},{b})'></i>{escape(name)}</span>" for name, (r, g, b) in entries]
+    return f"<p class='legend'>{' '.join(marks)}</p>"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.labels import FACES, LABEL_COLORS
+from room_layout_ros.core.labels import FACES, FURNITURE_NYU40, LABEL_COLORS
 
 Image = NDArray[np.uint8]
 
@@ -37,10 +37,32 @@ def paint_labels(image: Image, labels: Image, opacity: float = 0.55) -> Image:
 def paint_classes(image: Image, classes: Image) -> Image:
     """Return the picture with NYU40 classes tinted, one fixed hue a class; 0 stays grey."""
     grey = np.repeat(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)[..., None], 3, axis=2)
-    hue = (np.arange(256) * 67 % 180).astype(np.uint8)
-    hsv = np.stack([hue, np.full(256, 190, np.uint8), np.full(256, 255, np.uint8)], axis=1)[None]
-    palette = cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB)[0]
+    palette = class_colors()
     return np.where(classes[..., None] > 0, 0.6 * palette[classes] + 0.4 * grey, 0.6 * grey).astype(np.uint8)
+
+
+def class_colors() -> Image:
+    """Return (256, 3) the hue of each NYU40 class; by 29 those of the furniture lie farthest apart."""
+    hue = (np.arange(256) * 29 % 180).astype(np.uint8)
+    hsv = np.stack([hue, np.full(256, 190, np.uint8), np.full(256, 255, np.uint8)], axis=1)[None]
+    return np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB)[0], np.uint8)
+
+
+def furniture_legend() -> list[tuple[str, tuple[int, int, int]]]:
+    """Return the furniture classes with their colours."""
+    colors = class_colors().tolist()
+    return [(name, tuple(colors[k])) for k, name in FURNITURE_NYU40.items()]
+
+
+def draw_legend(image: Image, entries: Sequence[tuple[str, Sequence[int]]]) -> Image:
+    """Return the picture with names and their colours on a card in its upper left corner."""
+    out, line, wide = image.copy(), 20, 110
+    cv2.rectangle(out, (6, 6), (6 + wide, 12 + line * len(entries)), _PAPER, -1)
+    for row, (name, color) in enumerate(entries):
+        y = 12 + line * row
+        cv2.rectangle(out, (12, y), (25, y + 13), tuple(int(c) for c in color), -1)
+        cv2.putText(out, name, (32, y + 12), cv2.FONT_HERSHEY_SIMPLEX, 0.45, _INK, 1, cv2.LINE_AA)
+    return out
 
 
 def paint_depth(depth_m: NDArray[np.float32], nearest: float | None = None, farthest: float | None = None) -> Image:

@@ -9,7 +9,7 @@ import numpy as np
 
 from room_layout_ros.core.labels import FURNITURE_NYU40, LABEL_COLORS, LABEL_NAMES
 
-from . import figures, page
+from . import figures, page, pictures
 from .c_curve import CCurve
 from .calibration import face_reliability, frame_reliability
 from .compare import ComparedFrame
@@ -169,6 +169,8 @@ def _frame_list(ours: SetScore, frames: Sequence[ComparedFrame]) -> list[str]:
     by_name = {frame.name: frame for frame in frames}
     names = [(name, tuple(color)) for name, color in zip(LABEL_NAMES, LABEL_COLORS.tolist(), strict=True)]
     parts = [f"<h2>Every frame, worst layout first (Figure 5)</h2><p>{escape(ours.title)}.</p>", page.legend(names[1:])]
+    if np.isfinite(ours.figures["mean_furniture_iou"].value):
+        parts.append(page.legend(pictures.furniture_legend()))
     for rank, score in enumerate(worst_first(ours)):
         text = (
             f"<b>{escape(score.name)}</b> &nbsp; layout {percent(score.pixels.layout_error)} % "

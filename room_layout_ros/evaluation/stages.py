@@ -172,7 +172,8 @@ def _layout(look: Look) -> Image:
 def _furniture(look: Look) -> Image | None:
     if not look.estimate.furniture.any():
         return None
-    return pictures.paint_classes(pictures.base_image(look.frame), look.estimate.furniture)
+    painted = pictures.paint_classes(pictures.base_image(look.frame), look.estimate.furniture)
+    return pictures.draw_legend(painted, pictures.furniture_legend())
 
 
 def _top_down(look: Look) -> Image | None:

@@ -156,12 +156,18 @@ def number(value: float, digits: int = 2) -> str:
 
 
 def with_span(figure: Figure, factor: float = 100.0, digits: int = 2) -> str:
-    """Return a figure, as percent by default, with its interval."""
+    """Return a figure, as percent by default, with its interval.
+
+    That of a percent has a digit less, unless the value would lie outside then.
+    """
     if not np.isfinite(figure.value):
         return "-"
-    few = max(1, digits - 1)
-    value, low, high = (factor * v for v in (figure.value, figure.low, figure.high))
-    return f"{value:.{digits}f} ({low:.{few}f}-{high:.{few}f})"
+    value = f"{factor * figure.value:.{digits}f}"
+    for few in (digits if factor == 1.0 else max(1, digits - 1), digits):
+        low, high = (f"{factor * v:.{few}f}" for v in (figure.low, figure.high))
+        if float(low) <= float(value) <= float(high):
+            break
+    return f"{value} ({low}-{high})"
 
 
 def _json(value: float) -> float | None:
