@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
+import subprocess
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -287,6 +290,39 @@ def test_a_frame_without_colour_and_usable_depth_is_no_estimate(
     assert main(["estimate", str(two), "--out", str(tmp_path / "out")]) == 0
     assert f"1 of 2 frames have no usable depth: nothing could be estimated{ALLOWED}\n" in capsys.readouterr().err
     assert [line["status"] for line in lines_of(tmp_path / "out")] == ["OK", "NO_DEPTH"]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [["estimate", "--out", "OUT"], ["view", "--out", "OUT.png"], ["evaluate", "--no-report"]],
+    ids=lambda c: c[0],
+)
+@pytest.mark.parametrize("kept", [True, False])
+def test_that_the_first_start_compiles_is_told_once_and_nothing_where_it_does_not(
+    command: list[str],
+    kept: bool,
+    two: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("room_layout_ros.commands.compiling._is_kept", lambda _: kept)
+    name, *words = [word.replace("OUT", str(tmp_path / "out")) for word in command]
+    assert main([name, str(two), *words]) == 0
+    told = "compiling the estimator, which takes one to four minutes the first time; the next start is fast\n"
+    assert capsys.readouterr().err.count(told) == (not kept)
+
+
+def test_kernels_are_kept_where_numba_has_them(walk: Path, result: Path, tmp_path: Path) -> None:
+    asks = """
+from room_layout_ros.commands.compiling import tell_if_compiling
+from room_layout_ros.core.config import EstimatorConfig
+tell_if_compiling(EstimatorConfig())
+"""
+    for where, silent in ({}, True), ({"NUMBA_CACHE_DIR": str(tmp_path)}, False):
+        environment = {**os.environ, **where}
+        done = subprocess.run([sys.executable, "-c", asks], env=environment, capture_output=True, text=True, check=True)
+        assert (done.stderr == "") == silent, done.stderr
 
 
 @pytest.mark.parametrize("name", ["Depth", None])

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from room_layout_ros.commands.compiling import told_first
 from room_layout_ros.commands.counts import real
 from room_layout_ros.commands.dashboard_ears import SETTLE_S, Ears
 from room_layout_ros.commands.dashboard_room import MOST_POINTS, Cloud, Room
@@ -86,7 +87,7 @@ def show_source(board: Board, source: FrameSource, end: float, loop: bool = Fals
     estimator = LayoutEstimator()
     while True:
         prior, shown, begun, first_ns = TemporalPrior(), 0, time.monotonic(), 0
-        for sample in good_samples(source):
+        for sample in told_first(good_samples(source), estimator.config):
             if time.monotonic() > end:
                 return
             frame = sample.frame

@@ -25,6 +25,7 @@ from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 
+from room_layout_ros.commands.compiling import told_first
 from room_layout_ros.commands.counts import add_work_arguments, count
 from room_layout_ros.commands.depth_doubts import DepthDoubts
 from room_layout_ros.commands.earlier_estimates import LINES, earlier_files, until_usable
@@ -40,7 +41,7 @@ from room_layout_ros.commands.models_folder import add_models_argument, usable_m
 from room_layout_ros.commands.output_folder import held_alone, make_folder, refuse_frames, remove_files
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_recover_argument, add_topic_arguments, open_with_topics
-from room_layout_ros.datasets import DataError, FrameSource
+from room_layout_ros.datasets import BadFrame, DataError, FrameSource, Sample
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.datasets.readable import ReadablePart
 from room_layout_ros.parallel import map_ordered
@@ -86,7 +87,10 @@ def _estimate(arguments: argparse.Namespace, job: FrameJob, source: FrameSource)
     begin = partial(_replace_earlier, arguments.out, earlier, arguments.overlay)
     doubts = DepthDoubts(job.config, job.rgb_only)
     work, items, written = partial(estimate_item, job), ReadablePart(source), _Written(arguments.out, doubts)
-    first, length = islice(items, arguments.limit), source.length
+    length = source.length
+    first: Iterator[Sample | BadFrame] = islice(items, arguments.limit)
+    if arguments.scheduler is None:  # others compile by themselves
+        first = told_first(first, job.config, job.rgb_only)
     expected = length if arguments.limit is None else min(arguments.limit, length or arguments.limit)
     with interrupts_between_items() as check, progress_bar("estimate", expected) as progress:
         results = map_ordered(work, first, arguments.jobs, arguments.scheduler, progress, lost_result)

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from room_layout_ros.commands.compiling import told_first
 from room_layout_ros.commands.counts import add_work_arguments
 from room_layout_ros.commands.depth_doubts import DepthDoubts
 from room_layout_ros.commands.estimate_frame import parse_settings
@@ -96,6 +97,8 @@ def _evaluate(arguments: argparse.Namespace, source: FrameSource, curve: CCurve 
     doubts = DepthDoubts(parse_settings(arguments.set), WITH_DEPTH not in methods)
     with progress_bar("evaluate", source.length) as progress:
         watched = doubts.watch(samples)
+        if arguments.scheduler is None and arguments.estimates is None:
+            watched = told_first(watched, doubts.config, doubts.rgb_only)
         frames = list(map_ordered(partial(compare, job), watched, arguments.jobs, arguments.scheduler, progress))
     if not frames:
         raise DataError(f"{source.title} holds no frame with a true layout; layout/NAME.png is needed")

@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from room_layout_ros.commands.compiling import tell_if_compiling, told_first
 from room_layout_ros.commands.counts import count
 from room_layout_ros.commands.depth_doubts import DepthDoubts, see_depth
 from room_layout_ros.commands.estimate_frame import parse_settings, prepared
@@ -62,10 +63,9 @@ def run(arguments: argparse.Namespace) -> int:
     frame = find_frame(source, arguments.frame)
     if arguments.out is not None:
         make_folder("--out", arguments.out.parent)
-    look, doubts = (
-        look_at(prepared(frame, arguments.rgb_only), LayoutEstimator(config)),
-        DepthDoubts(config, arguments.rgb_only),
-    )
+    tell_if_compiling(config, arguments.rgb_only)
+    look = look_at(prepared(frame, arguments.rgb_only), LayoutEstimator(config))
+    doubts = DepthDoubts(config, arguments.rgb_only)
     doubts.add(see_depth(look.frame, config, look.estimate))
     image = draw_all(look) if arguments.stage is None else draw_stage(arguments.stage, look)
     if image is None:
@@ -138,7 +138,7 @@ def _to_viewer(arguments: argparse.Namespace, source: FrameSource, config: Estim
     doubts = DepthDoubts(config, arguments.rgb_only)
     one = arguments.frame is not None
     with progress_bar("view", 1 if one else min(arguments.limit, source.length or arguments.limit)) as progress:
-        for item in _chosen(source, arguments.frame):
+        for item in told_first(_chosen(source, arguments.frame), config, arguments.rgb_only):
             if isinstance(item, BadFrame):
                 if one:
                     raise DataError(f"frame {item.name} cannot be used: {item.error}")
