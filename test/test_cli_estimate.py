@@ -493,6 +493,12 @@ def test_a_folder_that_another_run_is_writing_into_is_refused(
     assert main([command, str(walk), "--out", str(tmp_path / "out")]) == 0, "it was released"
 
 
+def test_the_metadata_of_a_bag_is_told_from_the_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "metadata.yaml").touch()
+    assert main(["estimate", str(tmp_path / "metadata.yaml"), "--out", str(tmp_path / "out")]) == 2
+    assert f"metadata.yaml is the metadata of a rosbag2; give its folder, {tmp_path}\n" in capsys.readouterr().err
+
+
 def test_a_link_to_nothing_is_no_folder(walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "disk").symlink_to(tmp_path / "gone")
     assert main(["estimate", str(walk), "--out", str(tmp_path / "disk")]) == 2

@@ -390,6 +390,9 @@ def test_port_in_use_and_bad_input_are_one_sentence(capsys: pytest.CaptureFixtur
         assert f"port {port} cannot be used" in capsys.readouterr().err
     assert room_layout(["dashboard", "/no/such/bag", "--port", "0"]) == 2
     assert room_layout(["dashboard", "--port", "99999"]) == 2
+    capsys.readouterr()
+    assert room_layout(["dashboard", "my_bag", "--node", "/estimator", "--port", "0"]) == 2
+    assert "--node /estimator is for the page without INPUT, and my_bag is given" in capsys.readouterr().err
 
 
 @pytest.mark.dds

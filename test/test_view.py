@@ -215,7 +215,7 @@ def test_the_viewer_gets_the_named_frame_whatever_the_limit(two: Path, tmp_path:
     ("arguments", "words"),
     (
         (["--rgb-only"], "frame 000000 has no colour, and --rgb-only leaves the depth unused"),
-        (["--frame", "000009"], "no frame '000009'"),
+        (["--frame", "000009"], "two has no frame '000009'; it has 2, 000000 to 000001"),
     ),
 )
 def test_picture_and_viewer_refuse_alike(
@@ -227,10 +227,19 @@ def test_picture_and_viewer_refuse_alike(
     assert not (tmp_path / "x.rrd").exists()
 
 
+def test_a_bag_says_which_frames_it_has(two: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("rosbags", reason="rosbags is not installed (extra playback)")
+    (two / "stamps.txt").write_text("000000 1\n000001 2\n")
+    assert room_layout(["convert", str(two), str(tmp_path / "bag"), "--to", "bag"]) == 0
+    for name, said in (("59", "it has 2, 000000 to 000001"), ("1", "did you mean '000001'?")):
+        assert room_layout(["view", str(tmp_path / "bag"), "--frame", name]) == 2
+        assert f"bag has no frame '{name}'; {said}" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     (
-        (["--frame", "nope"], "no frame 'nope'"),
+        (["--frame", "nope"], "room has no frame 'nope'; its only frame is 000000"),
         (["--out", "picture.txt"], ".png or .jpg"),
         (["--out", __file__ + "/picture.png"], "test_view.py is a file; --out needs a folder"),
         (["--rrd", "x.rrd", "--limit", "0"], "1 or more"),

@@ -34,6 +34,7 @@ from room_layout_ros.evaluation.face_text import distance_text
 from room_layout_ros.evaluation.floor_picture import FloorGrid
 from room_layout_ros.listening import listen
 
+_NODE = "/estimator"
 _JPEG_QUALITY = 85
 _LONGEST_WAIT_S = 2.0
 
@@ -44,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--port", type=int, default=8641, help="of the page, 0 takes a free one (default %(default)s)")
     parser.add_argument("--loop", action="store_true", help="start again at the end of the input")
     parser.add_argument("--seconds", type=real(0), metavar="S", help="end after this time (default: Ctrl-C)")
-    parser.add_argument("--node", default="/estimator", metavar="NAME", help="node to listen to (default %(default)s)")
+    parser.add_argument("--node", metavar="NAME", help=f"node to listen to (default {_NODE})")
     add_topic_arguments(parser)
 
 
@@ -54,14 +55,17 @@ def run(arguments: argparse.Namespace) -> int:
         raise DataError(f"--port is {arguments.port}; allowed is 0 to 65535")
     if arguments.input is None:
         refuse_bag_options(arguments, "and without INPUT the page listens to the node")
+    elif arguments.node is not None:
+        raise DataError(f"--node {arguments.node} is for the page without INPUT, and {arguments.input} is given")
+    node = _NODE if arguments.node is None else arguments.node
     end = float("inf") if arguments.seconds is None else time.monotonic() + arguments.seconds
     source = None if arguments.input is None else open_with_topics(arguments.input, arguments)
-    board = Board(f"node {arguments.node}", SETTLE_S) if source is None else Board(source.title)
+    board = Board(f"node {node}", SETTLE_S) if source is None else Board(source.title)
     server = serve(board, arguments.port)
     print(f"http://{HOST}:{server.server_address[1]}/", flush=True)
     try:
         if source is None:
-            listen("room_layout_dashboard", Ears(board, arguments.node).listeners(), end)
+            listen("room_layout_dashboard", Ears(board, node).listeners(), end)
         else:
             show_source(board, source, end, arguments.loop)
             while time.monotonic() < end:  # the last room stays on show

@@ -22,7 +22,7 @@ from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, FrameSource, Sample
-from room_layout_ros.datasets.frame_names import find_name
+from room_layout_ros.datasets.frame_names import find_name, there_are
 from room_layout_ros.datasets.images import write_image
 from room_layout_ros.evaluation.stages import STAGES, draw_all, draw_stage, look_at
 
@@ -127,8 +127,8 @@ def _chosen(source: FrameSource, name: str | None) -> Iterator[Sample | BadFrame
             return
         others.append(item.name)
     meant = find_name(name, others)
-    hint = "" if meant == name else f"; did you mean {meant!r}?"
-    raise DataError(f"{source.title} holds no frame {name!r}{hint}")
+    hint = there_are(others) if meant == name else f"did you mean {meant!r}?"
+    raise DataError(f"{source.title} has no frame {name!r}; {hint}")
 
 
 def _to_viewer(arguments: argparse.Namespace, source: FrameSource, config: EstimatorConfig) -> None:

@@ -15,6 +15,7 @@ from room_layout_ros.core.labels import N_FACES
 
 from .calibration import CameraCalibration, read_calibration
 from .errors import DataError
+from .frame_names import there_are
 from .images import read_color, read_depth, read_index
 from .poses import Pose, read_poses, read_stamps
 from .sample import MAX_NYU40, BadFrame, FrameTruth, Sample
@@ -122,7 +123,7 @@ class FramesFolder:
         """
         known = set(self.names)
         if missing := [name for name in names if name not in known]:
-            raise DataError(f"{self.path} has no frame {missing[0]!r}")
+            raise DataError(f"{self.path} has no frame {missing[0]!r}; {there_are(self.names)}")
         return replace(self, names=names)
 
     def _image(

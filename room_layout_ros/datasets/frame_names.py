@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+
+
+def there_are(names: Sequence[str]) -> str:
+    """Return which names there are, to stand behind one that is none."""
+    if len(names) < 2:
+        return f"its only frame is {names[0]}" if names else "it has none"
+    return f"it has {len(names)}, {names[0]} to {names[-1]}"
 
 
 def find_name(wanted: str, names: Collection[str]) -> str:

@@ -10,12 +10,13 @@ from .folder import is_frames_folder, open_folder
 from .sample import FrameSource
 
 BAG_SUFFIXES = (".db3", ".mcap")
+BAG_METADATA = "metadata.yaml"
 
 
 def is_bag(path: Path) -> bool:
     """Whether a path looks like a rosbag2: its folder or its storage file."""
     if path.is_dir():
-        return (path / "metadata.yaml").exists() or any(p.suffix in BAG_SUFFIXES for p in path.iterdir())
+        return (path / BAG_METADATA).exists() or any(p.suffix in BAG_SUFFIXES for p in path.iterdir())
     return path.suffix in BAG_SUFFIXES
 
 
@@ -56,6 +57,9 @@ def open_source(path: Path | str, **options: Any) -> FrameSource:
         from .nyu import open_nyu
 
         return open_nyu(path)
+    if path.name == BAG_METADATA:
+        raise DataError(f"{path} is the metadata of a rosbag2; give its folder, {path.parent}")
     raise DataError(
-        f"{path} is no frames folder (rgb/ or color/, depth/), no rosbag2 (metadata.yaml, .db3, .mcap) and no .mat file"
+        f"{path} is no frames folder (rgb/ or color/, depth/), no rosbag2 ({BAG_METADATA}, .db3, .mcap) "
+        "and no .mat file"
     )
