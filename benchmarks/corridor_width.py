@@ -1,4 +1,4 @@
-"""Width of the floor of the real corridor (2.15 m), of all frames that show the foot of both walls."""
+"""Width of the real corridor's floor (2.15 m), of all frames that show the foot of both walls; things seen on it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.freespace import compute_free_space
+from room_layout_ros.core.freespace import OCCUPIED_CELL, FreeSpace, compute_free_space
 from room_layout_ros.datasets import good_samples, open_folder
 from room_layout_ros.evaluation.floor_width import floor_width
 
@@ -20,14 +20,27 @@ TOLERANCE_M = 0.10
 IN_VIEW = ((0, 84), (118, 178))
 """Frames in which the foot of both walls is in the picture, found by looking at them."""
 
+EMPTY = (0, 60)
+EMPTY_M, HALF_M = (1.5, 4.0), 0.4
+"""Frames in which nothing stands ahead at these distances, so far to either side; found by looking at them."""
 
-def width_of(estimator: LayoutEstimator, frame: RgbdFrame) -> float:
-    """Return the width in m, NaN where the estimate has not both walls."""
+
+def measure(estimator: LayoutEstimator, frame: RgbdFrame) -> tuple[float, int]:
+    """Return the width in m, NaN where the estimate has not both walls, and how many cells ahead are occupied."""
     geometry = compute_depth_geometry(frame, estimator.config)
     if geometry is None:
-        return float("nan")
-    estimate = estimator.estimate(frame)
-    return floor_width(geometry, compute_free_space(geometry, estimate, estimator.config, color=frame.color))
+        return float("nan"), 0
+    space = compute_free_space(geometry, estimator.estimate(frame), estimator.config, color=frame.color)
+    return floor_width(geometry, space), 0 if space is None else occupied_ahead(space)
+
+
+def occupied_ahead(space: FreeSpace) -> int:
+    """Return how many cells are occupied where in the frames of `EMPTY` nothing stands."""
+    rows, cols = space.grid.shape
+    y = space.origin_m[1] + (np.arange(rows) + 0.5) * space.resolution_m
+    x = space.origin_m[0] + (np.arange(cols) + 0.5) * space.resolution_m
+    ahead = space.grid[np.ix_(np.abs(y) < HALF_M, (x > EMPTY_M[0]) & (x < EMPTY_M[1]))]
+    return int((ahead == OCCUPIED_CELL).sum())
 
 
 def is_in_view(frame: int) -> bool:
@@ -60,7 +73,14 @@ def main(step: int = 1) -> int:
     folder = open_folder(DATA / "corridor")
     estimator = LayoutEstimator(EstimatorConfig())
     chosen = folder.subset(tuple(sorted(folder.names)[::step]))
-    print(report({int(s.name): width_of(estimator, s.frame) for s in good_samples(chosen)}))
+    found = {int(s.name): measure(estimator, s.frame) for s in good_samples(chosen)}
+    print(report({i: width for i, (width, _) in found.items()}))
+    empty = [occupied for i, (_, occupied) in found.items() if EMPTY[0] <= i <= EMPTY[1]]
+    where = f"{EMPTY_M[0]}-{EMPTY_M[1]} m ahead, {HALF_M} m to either side"
+    print(
+        f"{where}, where nothing stands in frames {EMPTY[0]}-{EMPTY[1]}: {sum(empty)} occupied cells, in "
+        f"{sum(n > 0 for n in empty)} of {len(empty)} frames"
+    )
     return 0
 
 

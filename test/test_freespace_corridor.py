@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.corridor_width import IN_VIEW, is_right
+from benchmarks.corridor_width import EMPTY, IN_VIEW, is_right, measure
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimator import LayoutEstimator
@@ -39,3 +39,14 @@ def test_width_is_right_in_both_legs_and_the_floor_ahead_of_the_first_is_free(da
             assert (ahead == FREE_CELL).mean() > 0.9, f"the floor of the corridor is free ahead in {sample.name}"
     assert len(right) == len(numbers) == 22
     assert sum(right.values()) >= 0.95 * len(right)
+
+
+def test_on_the_empty_floor_of_the_first_leg_few_cells_are_occupied(data_root: Path) -> None:
+    """The camera's depth comes in steps of which most lie on the floor: they are its noise."""
+    if not (data_root / "corridor").is_dir():
+        pytest.skip(f"no corridor in {data_root}")
+    folder, estimator = open_folder(data_root / "corridor"), LayoutEstimator()
+    names = tuple(sorted(folder.names)[EMPTY[0] : EMPTY[1] + 1 : 4])
+    occupied = [measure(estimator, sample.frame)[1] for sample in good_samples(folder.subset(names))]
+    assert len(occupied) == 16
+    assert sum(occupied) <= 2 * len(occupied)

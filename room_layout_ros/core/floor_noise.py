@@ -22,6 +22,10 @@ _LEAST_SIDE = 0.1
 """Share of a band's pixels on either side of the floor, below which there is no floor in it."""
 _MIN_SIGMA_M = 0.002
 
+_FAR, _FAR_TO_SIGMA = 1.6, 0.9 / 1.2816
+"""Twice the share of a side that is looked at besides its half, and most of the deviation over its distance: where the
+sensor's steps of depth are larger than its noise, half of a side may lie on the floor to the millimetre."""
+
 
 def usual_sigma(distance_m: float) -> NDArray[np.float64]:
     """(bands,) noise of the height where it cannot be measured, with the camera so high over the floor."""
@@ -63,7 +67,7 @@ def sigma_bands(counts, height):  # type: ignore[no-untyped-def]
         model = depth_sigma(z, NOISE_FLOOR_M, NOISE_QUADRATIC) * height / z
         below, above = counts[0, band].sum(), counts[1, band].sum()
         if min(below, above) >= max(MIN_BAND_PIXELS, _LEAST_SIDE * (below + above)):
-            sigma[band] = MAD_TO_SIGMA * min(_median(counts[0, band]), _median(counts[1, band]))
+            sigma[band] = min(_scatter(counts[0, band]), _scatter(counts[1, band]))
             ratio[band] = sigma[band] / model
     usual = np.nanmedian(ratio) if np.isfinite(ratio).any() else 1.0
     for band in range(_BANDS):
@@ -75,9 +79,11 @@ def sigma_bands(counts, height):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _median(counts):  # type: ignore[no-untyped-def]
-    """Median in m of what a histogram of heights holds."""
-    return (median_bin(counts, counts.sum())[0] + 0.5) * BIN_M
+def _scatter(counts):  # type: ignore[no-untyped-def]
+    """Standard deviation of normal noise that gives a side of the floor these counts; more, if a fifth lies far out."""
+    total = counts.sum()
+    middle, far = median_bin(counts, total)[0], median_bin(counts, _FAR * total)[0]
+    return max(MAD_TO_SIGMA * (middle + 0.5), _FAR_TO_SIGMA * (far + 0.5)) * BIN_M
 
 
 @njit(cache=True, nogil=True)
