@@ -85,6 +85,15 @@ def test_the_documented_names_are_those_of_the_presets(launch_file: dict[str, An
             assert f"`{name}`" in rows, camera
 
 
+def test_the_documented_imu_of_a_realsense_is_switched_on(repository: Path) -> None:
+    """Its driver has both halves off by default, and joins them on no topic."""
+    (row,) = re.findall(
+        r"^\| `realsense` .*/camera/camera/imu.*$", (repository / "docs" / "cameras.md").read_text(), re.M
+    )
+    for argument in ("enable_gyro:=true", "enable_accel:=true", "unite_imu_method:=2"):
+        assert argument in row
+
+
 def test_every_argument_is_documented(launch_file: dict[str, Any], repository: Path) -> None:
     page = (repository / "docs" / "cameras.md").read_text("utf-8")
     for name in launch_file["ARGUMENTS"]:
