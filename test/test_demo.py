@@ -187,6 +187,21 @@ def test_the_next_demo_removes_what_the_last_one_wrote_and_nothing_else(
     assert (look / "index.html").exists(), "refused before anything is gone"
 
 
+def test_an_input_without_a_usable_frame_removes_and_makes_nothing(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    look, frames = tmp_path / "look", tmp_path / "frames"
+    shutil.copytree(made, look)
+    assert room_layout(["convert", str(made / "input"), str(frames)]) == 0
+    for path in (frames / "depth").iterdir():
+        path.write_bytes(path.read_bytes()[:100])
+    for out in (look, tmp_path / "new"):
+        assert room_layout(["demo", "--no-node", "--input", str(frames), "--out", str(out)]) == 2
+        assert "frames holds no usable frame: 000000: " in capsys.readouterr().err
+    check_page(look)
+    assert not (tmp_path / "new").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     (

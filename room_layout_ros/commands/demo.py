@@ -94,6 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
     out: Path = arguments.out
     if arguments.input is not None:
         _refuse_inside(arguments.input, out)
+        _refuse_unusable(source, arguments.frames)
     _make_folder(out)
     bag = out / "input"
     _say(f"{'render a room' if arguments.input is None else 'read the frames'}, write a bag")
@@ -160,6 +161,16 @@ def _refuse_inside(source: Path, out: Path) -> None:
         raise DataError(f"--input {source} lies in --out {out}, where it would be replaced; choose another by --out")
 
 
+def _refuse_unusable(source: FrameSource, limit: int | None) -> None:
+    """Refuse an input without a usable frame before an earlier demo is removed for it."""
+    bad = []
+    for item in islice(source, limit):
+        if not isinstance(item, BadFrame):
+            return
+        bad.append(item)
+    raise DataError(f"{source.title} holds no usable frame" + (f": {bad[0].name}: {bad[0].error}" if bad else ""))
+
+
 def _remove_earlier(out: Path) -> None:
     """Remove what an earlier demo wrote; refuse before anything is gone where a bag's folder holds more."""
     files = {path for pattern in _WRITTEN for path in out.glob(pattern) if path.is_file()}
@@ -196,8 +207,6 @@ def _write_bag(
             seen[item.frame.stamp_ns] = _seen(item)
             doubts.add(see_depth(item.frame, doubts.config))
             progress(len(seen))
-    if not seen:
-        raise DataError(f"{source.title} holds no usable frame" + (f": {bad[0].name}: {bad[0].error}" if bad else ""))
     if not bad:
         return seen, ()
     return seen, (f"{len(bad)} frames of the input could not be used; the first is {bad[0].name}: {bad[0].error}",)
