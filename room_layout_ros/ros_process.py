@@ -106,7 +106,8 @@ def idle_files(node: Any, args: Sequence[str]) -> Iterator[str]:
 
 
 def sentence(error: Exception) -> str:
-    """Return what an error says in one line, without the places in the source of rcl."""
+    """Return what an error says in one line, without the places and the lexemes of rcl."""
     if type(error).__name__ == "UnknownROSArgsError":  # a list and nothing else
         return f"{str(error)[1:-1]} is no argument of ROS"
-    return re.sub(r",? at /[^ ,]+:\d+", "", " ".join(str(error).split()))
+    words = re.sub(r",? at /[^ ,]+:\d+", "", " ".join(str(error).split())).removeprefix("failed to initialize rcl: ")
+    return re.sub(r"Expected lexeme .*? at index (\d+)", r"it is wrong behind its first \1 characters", words)

@@ -354,11 +354,24 @@ def test_f33_a_parameter_file_without_ros_parameters_is_a_sentence_and_exit_code
     assert said == f"estimator: --params-file {file}, line {line}: {words}: see config/estimator.yaml\n"
 
 
-def test_f33_what_only_ros_finds_wrong_names_no_place_in_its_source(repository: Path) -> None:
-    with python(repository, *NODE, "--log-level", "loud") as node:
+@pytest.mark.parametrize(
+    ("given", "words"),
+    (
+        (
+            "--log-level loud",
+            "Couldn't parse log level: '--log-level loud'. Error: Argument does not use a valid severity",
+        ),
+        ("-r __node:=a-b", "remap rule: '-r __node:=a-b'. Error: it is wrong behind its first 9 characters"),
+    ),
+)
+def test_f33_what_only_ros_finds_wrong_names_no_place_in_its_source(repository: Path, given: str, words: str) -> None:
+    with python(repository, *NODE, *given.split()) as node:
         said = rest(node, 30)
     assert node.returncode == 2, said
-    assert said.endswith("'--log-level loud'. Error: Argument does not use a valid severity level\n")
+    assert said.splitlines()[-1].startswith("estimator: Couldn't parse")
+    assert words in said.splitlines()[-1]
+    assert "/project/" not in said
+    assert "lexeme" not in said
 
 
 HEIGHT = "ros__parameters: {camera_height: 1.5}"

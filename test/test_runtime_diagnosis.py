@@ -143,6 +143,14 @@ def test_messages_lost_on_the_way_name_the_cure() -> None:
     assert found.message.endswith("or this machine is too busy")
 
 
+def test_silence_of_a_publisher_whose_messages_are_lost_on_the_way_names_the_cure() -> None:
+    facts = with_input(COLOR, lost_on_way=True)
+    found = findings(with_stream(COLOR, silence_s=7.2), facts=facts)["input colour"]
+    assert found.level == Level.ERROR
+    seen = "1 publisher(s) seen, but all is lost on the way; start the publisher with FASTRTPS_DEFAULT_PROFILES_FILE"
+    assert found.message.startswith(f"no colour for 7 s on /rgb; {seen}=")
+
+
 def test_messages_that_came_and_were_not_taken_blame_no_publisher() -> None:
     found = findings(with_stream(COLOR, lost=12))["input colour"]
     words = "12 colour messages came while this process got no time to take them; this machine is too busy"

@@ -141,7 +141,7 @@ def _input_state(stream: str, now: StreamHealth, before: StreamHealth, facts: No
         return _Said(Level.ERROR, words, "messages refused", logged=True)
     silence = min(now.silence_s, facts.listening_s)
     if silence > facts.no_data_timeout_s and not (stream in CAMERAS and now.paired):
-        seen = _publishers_seen(graph)
+        seen = _publishers_seen(graph, facts)
         return _Said(Level.ERROR, f"no {name} for {silence:.0f} s on {graph.topic}; {seen}", f"silence, {seen}")
     doubt = _camera_doubt(graph)
     if doubt:
@@ -158,17 +158,21 @@ def _loss(number: int, name: str, graph: InputFacts, facts: NodeFacts) -> _Said:
     if not graph.lost_on_way:
         words = f"{number} {name} messages came while this process got no time to take them; this machine is too busy"
         return _Said(Level.WARN, words, "messages not taken")
-    words = (
-        f"{number} {name} messages lost on the way; start the publisher with "
-        f"FASTRTPS_DEFAULT_PROFILES_FILE={facts.profile} (larger shared memory; "
-        "room-layout play has it), or this machine is too busy"
-    )
+    words = f"{number} {name} messages lost on the way; {_profile_cure(facts)}"
     return _Said(Level.WARN, words, "messages lost")
 
 
-def _publishers_seen(graph: InputFacts) -> str:
+def _profile_cure(facts: NodeFacts) -> str:
+    return (
+        f"start the publisher with FASTRTPS_DEFAULT_PROFILES_FILE={facts.profile} (larger shared memory; "
+        "room-layout play has it), or this machine is too busy"
+    )
+
+
+def _publishers_seen(graph: InputFacts, facts: NodeFacts) -> str:
     if graph.publishers:
-        return f"{graph.publishers} publisher(s) seen"
+        lost = f", but all is lost on the way; {_profile_cure(facts)}" if graph.lost_on_way else ""
+        return f"{graph.publishers} publisher(s) seen{lost}"
     return f"nobody publishes it, but {graph.elsewhere}" if graph.elsewhere else "nobody publishes it"
 
 
