@@ -327,6 +327,17 @@ def test_no_report_of_other_numbers_stays_beside_new_ones(folder: Path, tmp_path
     assert sorted(path.name for path in tmp_path.iterdir()) == ["frames.csv", "notes.html", "summary.json"]
 
 
+def test_where_no_scheduler_answers_no_folder_is_made(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed", reason="distributed is not installed (extra train)")
+    monkeypatch.setattr("room_layout_ros.parallel.CONNECT_TIMEOUT_S", 1)
+    words = ["evaluate", str(folder), "--out", str(tmp_path / "new"), "--scheduler", "tcp://127.0.0.1:9"]
+    assert room_layout(words) == 2
+    assert "no Dask scheduler answers at tcp://127.0.0.1:9" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+
+
 def test_true_layouts_given_as_estimates_score_zero(folder: Path, tmp_path: Path) -> None:
     truth = tmp_path / "truth"
     for sample in open_folder(folder):
