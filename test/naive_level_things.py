@@ -30,6 +30,7 @@ class Thing:
     underside: float = np.inf
     lost_from: float | None = None
     wide: bool = False
+    deep: float | None = None
     pixels: int = 1
 
 
@@ -56,7 +57,9 @@ def naive_below(
             if 0 <= i < shape[0] and 0 <= j < shape[1]:
                 columns[i, j].add(u)
 
-    def is_wide(u: int, v: int) -> bool:
+    def run(u: int, v: int) -> tuple[float, int]:
+        """Width of what is joined in a row, and how many sides of the picture it reaches."""
+
         def joined(a: int, b: int) -> bool:
             things = kind[v, a] == OBSTACLE_PIXEL and kind[v, b] == OBSTACLE_PIXEL
             return bool(things and abs(1 / inverse[v, a] - 1 / inverse[v, b]) < corner[2])
@@ -66,15 +69,23 @@ def naive_below(
             left -= 1
         while right < camera.width - 1 and joined(right, right + 1):
             right += 1
-        seen = (right - left + 1) / camera.fx / inverse[v, u]
-        return bool(seen * 2 ** ((left == 0) + (right == camera.width - 1)) >= 0.8)
+        return (right - left + 1) / camera.fx / float(inverse[v, u]), (left == 0) + (right == camera.width - 1)
+
+    def is_wide(u: int, v: int) -> bool:
+        wide, cut = run(u, v)
+        return wide * 2**cut >= 0.8
+
+    def how_deep(u: int, v: int) -> float:
+        wide = run(u, v)[0]
+        return max(1.2, 2.0 * wide) if 0.6 <= wide <= 1.0 else 1.2
 
     def leave(thing: Thing | None, u: int, way: Ray, beyond: float) -> None:
         if thing is None or thing.pixels < 2 or min(thing.height, thing.lowest) < 0.12 or beyond < thing.reached:
             return
         thin = thing.height - thing.lowest < 0.1
         front = thing.lowest < stands and thing.wide
-        far = thing.reached + (2.0 if front and thing.lowest < 0.4 else 1.2 if thin else 0.9 if front else 0.1)
+        deep = 2.0 if front and thing.lowest < 0.4 else (thing.deep or 1.2) if thin else 0.9 if front else 0.1
+        far = thing.reached + deep
         if way[2] < -1e-6 and thing.height < stands:
             far = min(far, np.hypot(*way[:2]) * (thing.height - stands) / way[2])
         if thing.lowest > stands:
@@ -97,6 +108,8 @@ def naive_below(
             closer = thing.lost_from is None and abs(depth - thing.depth_m) < 0.5 * corner[2]
             if closer and v % 16 == 0 and thing.lowest >= 0.12:
                 thing.wide = thing.wide or is_wide(u, v)
+            if closer and thing.lowest >= 0.12 and thing.deep is None:
+                thing.deep = how_deep(u, v)
             below, step = ray(u, v + 1), 0.0
             if way[2] < -1e-6 and h < stands - 1e-6:
                 step = min(1.5 * (r - float(np.hypot(*below[:2])) * (h - stands) / below[2]), 1.8)

@@ -213,3 +213,16 @@ def test_what_the_side_cuts_off_goes_on_beside_the_picture() -> None:
     found = free_space_of(sample.frame, with_truth(sample))
     assert not (ahead_of(found, (1.45, 2.15), 0.7, 1.35) == FREE_CELL).any()
     assert (ahead_of(found, (1.2, 2.2), 0.3) == FREE_CELL).mean() > 0.9
+
+
+@pytest.mark.parametrize("height", [0.71, 0.73, 0.75])
+def test_a_table_seen_from_its_end_may_be_twice_as_long_as_wide(height: float) -> None:
+    """Of a top at the camera's height the edge alone is seen, here the short one: 0.9 of 0.9 x 1.6 m."""
+    sides = [(x, y) for x in (-0.75, 0.75) for y in (-0.4, 0.4)]
+    top = Solid(0.8, 0.0, 0.0, 1.6, 0.9, 0.71, 0.75, 5, GREY, thing=1)
+    room = empty(top, *(box(0.8 + x, y, 0.05, 0.71) for x, y in sides))
+    sample = render(room, KINECT, camera_pose(-1.4, 0.0, height, 0.0, -0.25))
+    found = free_space_of(sample.frame, with_truth(sample))
+    # it covers 1.4-3.0 m ahead, 0.45 m to either side
+    assert not (ahead_of(found, (1.45, 2.95), 0.4) == FREE_CELL).any()
+    assert (ahead_of(found, (1.0, 1.25), 0.3) == FREE_CELL).mean() > 0.7

@@ -37,6 +37,9 @@ cupboard, and may go on behind its edge for the second."""
 _CUT_OFF = 0.5
 """Of its width has to be seen where a side of the picture cuts a thing off."""
 
+_NARROW_M, _END_M, _TIMES_WIDE = 0.6, 1.0, 2.0
+"""An edge of this to this width may be the end of a table that is so many times as long as wide."""
+
 _LOW_M, _LONG_M = 0.40, 2.0
 """One that hangs lower than the first is a bed or a sofa, and may go on for the second."""
 
@@ -64,9 +67,10 @@ _SIDEWAYS = 1e-9
 _NOTHING, _PIXEL, _THING, _NO_DEPTH = range(4)
 """What a column follows: nothing, one pixel (it may be a stray), a thing, pixels without depth behind its edge."""
 
-_LAST, _LOWEST, _BEGIN, _WIDE, _UNDERSIDE, _RANGE, _HEIGHT, _LOST_FROM = range(8)
+_LAST, _LOWEST, _BEGIN, _WIDE, _UNDERSIDE, _RANGE, _HEIGHT, _LOST_FROM, _DEEP = range(9)
 """Of a column: inverse depth of the last pixel of the thing; height of the first, and its distance from below the
-camera; 1 if the thing hangs and is wide anywhere, else 0; how far its underside may go on, by the ray below that (inf).
+camera; 1 if the thing hangs and is wide anywhere, else 0; how far its underside may go on, by the ray below that (inf);
+as a level surface behind its farthest pixel (0: not yet told).
 Where the depth is lost: the distance from below the camera that was reached; height; since which distance."""
 
 
@@ -104,21 +108,28 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
     over = first, hidden, by_side, width - 1
     above_floor = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
     closer, side = np.float32(0.5 * corner[2]), np.float32(corner[2])
-    follows, columns = np.zeros(width, np.uint8), np.zeros((width, 8))
+    follows, columns = np.zeros(width, np.uint8), np.zeros((width, 9))
     wide_px = np.float32(intrinsics[0] * _WIDE_M)
     for v in range(height - 1, -1, -1):
         ax0, ax1, ay0, ay1, az0, az1 = pixel_rays(T, intrinsics, v)
+        joined = -1, _DEEP_M
         down = T[1, 0] / intrinsics[1], T[1, 1] / intrinsics[1], T[1, 2] / intrinsics[1]  # from a pixel to that below
         for u in range(width):
-            what, w, column = kind[v, u], inverse[v, u], columns[u]
+            what = kind[v, u]
             if what != OBSTACLE_PIXEL and follows[u] == _NOTHING:
                 continue
+            w, column = inverse[v, u], columns[u]
             # what rises over the robot's height is no obstacle there, but the same thing
             goes_on = what == OBSTACLE_PIXEL or (what == NOTHING and w > 0.0)
             goes_on &= follows[u] in (_PIXEL, _THING) and abs(w - column[_LAST]) < closer * w * column[_LAST]
             thing, lost = what == OBSTACLE_PIXEL or goes_on, w <= 0.0 or what == FLYING_PIXEL
-            if goes_on and v % _ROWS == 0 and column[_LOWEST] >= _HANGS_M and column[_WIDE] == 0.0:
-                column[_WIDE] = _is_wide(inverse[v], kind[v], u, side, wide_px)
+            if goes_on and column[_LOWEST] >= _HANGS_M:
+                if v % _ROWS == 0 and column[_WIDE] == 0.0:
+                    column[_WIDE] = _is_wide(inverse[v], kind[v], u, side, wide_px)
+                if column[_DEEP] == 0.0:
+                    if u > joined[0]:
+                        joined = _how_deep(inverse[v], kind[v], u, side, wide_px / _WIDE_M)
+                    column[_DEEP] = joined[1]
             if goes_on and (cell[v, u] < 0 or not free[cell[v, u]]):
                 column[_LAST], follows[u] = w, _THING
                 continue
@@ -163,6 +174,22 @@ def _is_wide(inverse, kind, u, step_m, wide_px):  # type: ignore[no-untyped-def]
         if k in (-1, len(inverse)):
             enough *= _CUT_OFF
     return pixels >= enough
+
+
+@njit(cache=True, nogil=True)
+def _how_deep(inverse, kind, u, step_m, focal_px):  # type: ignore[no-untyped-def]
+    """Last column of what is joined with a pixel of a row, and how far a level thing with that edge may go on, m."""
+    first = last = u
+    for step in (-1, 1):
+        k = u + step
+        while 0 <= k < len(inverse) and kind[k] == OBSTACLE_PIXEL:
+            before = inverse[k - step]
+            if abs(inverse[k] - before) >= step_m * before * inverse[k]:
+                break
+            first, last = min(first, k), max(last, k)
+            k += step
+    wide_m = (last - first + 1) / (focal_px * inverse[u])
+    return last, max(_DEEP_M, _TIMES_WIDE * wide_m) if _NARROW_M <= wide_m <= _END_M else _DEEP_M
 
 
 @njit(cache=True, nogil=True)
@@ -223,7 +250,7 @@ def _meet(follows, goes_on, column, w, rays, above_floor, over, u, corner):  # t
         same = goes_on or (near and abs(h - last_height) < _SAME_LEVEL_M)
     if not same:
         _end(follows, column, r, rays, above_floor, over, u, corner)
-        column[_LOWEST], column[_BEGIN], column[_WIDE] = h, r, 0.0
+        column[_LOWEST], column[_BEGIN], column[_WIDE], column[_DEEP] = h, r, 0.0, 0.0
     elif h >= _HANGS_M:
         _mark(over, u, rays, last, r, corner)
     column[_LAST] = w
@@ -275,7 +302,7 @@ def _end(follows, column, beyond, rays, above_floor, over, u, corner):  # type: 
     if front and lowest < _LOW_M:
         far = r + _LONG_M
     elif h - lowest < _THIN_M:
-        far = r + _DEEP_M
+        far = r + max(_DEEP_M, column[_DEEP])
     else:
         far = r + (_DESK_M if front else _SHALLOW_M)
     if up < -_LEVEL and h < above_floor:
