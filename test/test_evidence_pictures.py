@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ from room_layout_ros.core.evidence.pictures import (
     AXIS_COLORS,
     HORIZON_COLOR,
     SUPPORT_COLOR,
+    VIOLATION_COLOR,
     draw_pencils,
     draw_planes,
 )
@@ -96,3 +99,10 @@ def test_a_face_out_of_view_has_no_offset(profiles: DepthProfiles) -> None:
     for k, seen in enumerate((False, True, False, True, False)):
         row = absent[96 * k : 96 * (k + 1)]
         assert bool(((row == LABEL_COLORS[k + 1]).all(axis=2).mean(axis=0) > 0.9).any()) == seen
+
+
+def test_curves_stay_below_the_words_and_a_plane_that_nothing_lies_on_has_no_hill(profiles: DepthProfiles) -> None:
+    empty = replace(profiles, support=1e-4 * profiles.support)
+    for k, row in enumerate(np.split(draw_planes(empty, np.full(5, np.inf), (640, 480)), 5)):
+        assert not (row[:16] == np.array(VIOLATION_COLOR, np.uint8)).all(axis=2).any(), f"face {k}"
+        assert (row == np.array(SUPPORT_COLOR, np.uint8)).all(axis=2).sum() < 640, f"face {k}"

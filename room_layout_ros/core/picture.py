@@ -36,7 +36,7 @@ def draw_overlay(frame: RgbdFrame, estimate: RoomEstimate) -> NDArray[np.uint8]:
 
     Returns
     -------
-    (H, W, 3) uint8 array, RGB. Clutter is grey and hatched, the rim of the clutter a thin dark line. A frame whose
+    (H, W, 3) uint8 array, RGB. Clutter keeps its colours under a grey hatch, its rim is a thin dark line. A frame whose
     longer side is below `_SMALL_PX` is drawn larger, by a whole factor: the legend would hide it.
     """
     if max(frame.camera.width, frame.camera.height) < _SMALL_PX:
@@ -72,7 +72,7 @@ def _draw_border(picture: NDArray[np.uint8], polygon: FacePolygon, scale: int, d
 def _draw_legend(picture: NDArray[np.uint8], estimate: RoomEstimate, scale: int) -> None:
     faces = {p.face: p.distance for p in estimate.polygons}
     rows = tuple((k, f"{LABEL_NAMES[k]} {faces[k]:.1f}{' m' if estimate.metric else ''}") for k in FACES if k in faces)
-    rows += ((CLUTTER, LABEL_NAMES[CLUTTER]),)
+    rows += ((CLUTTER, f"{LABEL_NAMES[CLUTTER]} (hatched)"),)
     status = estimate.status.value
     title = f"{status}, {estimate.confidence:.0%}" if estimate.cuboid else f"no estimate: {status}"
     card, alpha = _legend(title, rows if estimate.cuboid else (), scale)

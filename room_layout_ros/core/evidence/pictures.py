@@ -24,7 +24,9 @@ _DISTANCE_SPAN_M = 4.0
 _PENCIL_LINES = 8
 _TICKS_M = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 _INK, _PALE, _PAPER = (40, 46, 56), (215, 218, 222), (255, 255, 255)
-_HEADROOM = 1.15
+_HEADROOM, _TITLE_PX = 1.15, 22
+_LEAST_SHARE = 0.01
+"""Share of the image that fills a row at least: a plane that nothing lies on shows no hill."""
 
 
 def draw_lines(
@@ -136,9 +138,12 @@ def _draw_profile(row: NDArray[np.uint8], support: NDArray[np.float64], violatio
         x = _column(tick, width)
         cv2.line(row, (x, 0), (x, floor), _PALE, 1)
         cv2.putText(row, f"{tick:g}", (x + 2, height - 3), cv2.FONT_HERSHEY_SIMPLEX, 0.32, _INK, 1, cv2.LINE_AA)
-    limit = max(_HEADROOM * float(support.max()), 1e-6)
+    top = min(_TITLE_PX, floor)
+    limit = max(_HEADROOM * float(support.max()), _LEAST_SHARE)
     columns = np.rint(np.linspace(0, width - 1, len(support))).astype(np.int32)
-    on, beyond = (np.rint(floor * (1.0 - np.minimum(c / limit, 1.0))).astype(np.int32) for c in (support, violation))
+    on, beyond = (
+        np.rint(floor - (floor - top) * np.minimum(c / limit, 1.0)).astype(np.int32) for c in (support, violation)
+    )
     area = np.concatenate([[[0, floor]], np.column_stack([columns, on]), [[width - 1, floor]]]).astype(np.int32)
     cv2.fillPoly(row, [area], SUPPORT_COLOR)
     cv2.polylines(row, [np.column_stack([columns, beyond])], False, VIOLATION_COLOR, 2, cv2.LINE_AA)
