@@ -103,3 +103,17 @@ def test_a_pose_is_a_translation_and_a_rotation() -> None:
 def test_what_is_no_pose_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="must be seven numbers"):
         parse_pose(text)
+
+
+@pytest.mark.parametrize(("depth_px", "color_px"), [((80, 60), (1920, 1080)), ((160, 120), (3840, 2160))])
+def test_a_coarse_sensor_fills_the_picture_of_a_fine_camera(
+    depth_px: tuple[int, int], color_px: tuple[int, int]
+) -> None:
+    """A pixel of depth covers 19 of colour in either direction."""
+    (width, height), (wide, high) = depth_px, color_px
+    coarse = CameraIntrinsics(width, height, 0.75 * width, 0.75 * width, (width - 1) / 2, (height - 1) / 2)
+    fine = CameraIntrinsics(wide, high, 0.58 * wide, 0.58 * wide, (wide - 1) / 2, (high - 1) / 2)
+    T = np.eye(4)
+    T[0, 3] = 0.02
+    seen = register_depth(np.full((height, width), 2.0, np.float32), coarse, fine, T)
+    assert np.isfinite(seen).mean() > 0.6

@@ -17,6 +17,7 @@ def test_rate_counts_the_last_five_seconds() -> None:
     for i in range(60):
         rate.tick(i * S // 10)
     assert math.isclose(rate.hz(6 * S), 10.0)
+    assert rate.hz(8 * S) < 8.0, "what has stopped goes down"
     assert rate.silence_s(8 * S) == 2.1
     assert rate.hz(100 * S) == 0.0
 

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from .frame import CameraIntrinsics
 
 _MAX_SPLAT_PX = 16
-"""No depth pixel covers more than this of the other image in either direction."""
+"""No depth pixel covers more than this of the other image in either direction, or more than `_TIMES_PX` of what a pixel
+of such a coarse sensor covers there."""
+_TIMES_PX = 2
 
 _SAME_SURFACE = 0.1
 """Part of its depth by which a pixel may be nearer or farther than its neighbour on the same surface."""
@@ -53,7 +55,9 @@ def register_depth(
     # p = K_c (R K_d^-1 (x, y, 1) z + t)
     per_pixel = color_camera.matrix @ rotation @ np.linalg.inv(depth_camera.matrix)
     offset = color_camera.matrix @ T_color_depth[:3, 3]
-    _splat(np.ascontiguousarray(depth_m, dtype=np.float32), per_pixel, offset, _MAX_SPLAT_PX, nearest)
+    larger = max(color_camera.fx / depth_camera.fx, color_camera.fy / depth_camera.fy)
+    limit = max(_MAX_SPLAT_PX, _TIMES_PX * int(np.ceil(larger)))
+    _splat(np.ascontiguousarray(depth_m, dtype=np.float32), per_pixel, offset, limit, nearest)
     nearest[np.isinf(nearest)] = np.nan
     return nearest
 

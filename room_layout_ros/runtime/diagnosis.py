@@ -244,7 +244,7 @@ def _estimates_state(health: Health, before: Health, facts: NodeFacts) -> _Said:
     if _is_apart(health, facts):
         words = (
             f"colour and depth arrive but do not pair; their stamps must differ by at most max_stamp_gap = "
-            f"{facts.max_stamp_gap_s * 1e3:.0f} ms"
+            f"{facts.max_stamp_gap_s * 1e3:.0f} ms, and queue_size must hold the messages that wait for a late stream"
         )
         return _Said(Level.ERROR, words, "no pairs")
     return _Said(Level.OK, "waiting for frames")

@@ -130,7 +130,9 @@ class Rate:
         recent = [t for t in self._times if now_ns - t <= _RATE_WINDOW_NS]
         if len(recent) < 2 or recent[-1] == recent[0]:
             return 0.0
-        return (len(recent) - 1) * 1e9 / (recent[-1] - recent[0])
+        period = (recent[-1] - recent[0]) / (len(recent) - 1)
+        end = recent[-1] if now_ns - recent[-1] <= 2 * period else now_ns  # what has stopped goes down
+        return (len(recent) - 1) * 1e9 / (end - recent[0])
 
     def silence_s(self, now_ns: int) -> float:
         """Return the time since the last event; inf before the first."""

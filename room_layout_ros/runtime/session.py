@@ -289,6 +289,8 @@ class EstimatorSession:
         else:
             if self._closed:
                 self._dropped(job, "shutdown")
+            elif job.epoch != self._epoch:
+                self._dropped(job, "reset")
             else:
                 self._send(result)
 
