@@ -60,8 +60,8 @@ def color_at(stamp_ns: int, value: int = 7, frame_id: str = "optical") -> bytes:
     return messages.encode_image_message(np.full((48, 64, 3), value, np.uint8), "rgb8", stamp_ns, frame_id)
 
 
-def depth_at(stamp_ns: int, frame_id: str = "optical") -> bytes:
-    return messages.encode_image_message(np.full((48, 64), 1500, np.uint16), "16UC1", stamp_ns, frame_id)
+def depth_at(stamp_ns: int, frame_id: str = "optical", mm: int = 1500) -> bytes:
+    return messages.encode_image_message(np.full((48, 64), mm, np.uint16), "16UC1", stamp_ns, frame_id)
 
 
 def info_at(stamp_ns: int) -> bytes:
@@ -233,6 +233,34 @@ def test_colour_that_comes_later_still_pairs(tmp_path: Path) -> None:
     assert [int(f.frame.color[0, 0, 0]) for f in frames if f.frame.color is not None] == [1, 2, 3, 4, 5]
 
 
+@pytest.mark.parametrize("apart_ns", (0, 5_000_000), ids=("equal stamps", "stamps 5 ms apart"))
+@pytest.mark.parametrize("depth_first", (True, False), ids=("depth first", "colour first"))
+def test_a_recording_that_loops_pairs_no_images_of_two_loops(tmp_path: Path, depth_first: bool, apart_ns: int) -> None:
+    """Image k of all loops has the depth k mm and the colour k."""
+    period = 100_000_000
+    items = [("/rgb/camera_info", INFO, 0, info_at(1))]
+    for k in range(60):
+        stamp = (50 + k % 20) * period
+        pair = [
+            ("/depth/image", IMAGE, depth_at(stamp, mm=1000 + k)),
+            ("/rgb/image", IMAGE, color_at(stamp + apart_ns, k)),
+        ]
+        for late, (topic, kind, raw) in enumerate(pair if depth_first else pair[::-1]):
+            items.append((topic, kind, k * period + late * period // 10, raw))
+    samples = list(good_samples(open_source(write_raw(tmp_path / "bag", items))))
+    got = [(s.frame.color[0, 0, 0], round(s.frame.depth_m[0, 0] * 1000) - 1000) for s in samples]  # type: ignore[index]
+    assert got == [(k, k) for k in range(60)]
+
+
+def test_images_of_one_stamp_pair_in_their_order(tmp_path: Path) -> None:
+    """Of a driver that sets no stamp."""
+    items = [("/rgb/camera_info", INFO, 0, info_at(1))]
+    for k in range(1, 6):
+        items += [("/depth/image", IMAGE, 20 * k, depth_at(0)), ("/rgb/image", IMAGE, 20 * k + 10, color_at(0, k))]
+    samples = good_samples(open_source(write_raw(tmp_path / "bag", items)))
+    assert [int(s.frame.color[0, 0, 0]) for s in samples if s.frame.color is not None] == [1, 2, 3, 4, 5]
+
+
 def test_depth_in_another_frame_is_refused_unless_the_user_knows_better(tmp_path: Path) -> None:
     items = [
         ("/rgb/camera_info", INFO, 1, info_at(1)),
@@ -314,6 +342,53 @@ def test_two_equal_cameras_are_not_guessed() -> None:
     assert choose_topics(two, color_topic="/front/color/image_raw").info == "/front/color/camera_info"
     with pytest.raises(DataError, match="no image topic /nose"):
         choose_topics(two, color_topic="/nose")
+
+
+def realsense(name: str) -> dict[str, str]:
+    return {topic.replace("/camera/camera", f"/{name}/{name}_camera"): kind for topic, kind in REALSENSE.items()}
+
+
+def streams(
+    types: dict[str, str], color_topic: str | None = None, depth_topic: str | None = None
+) -> tuple[str | None, str | None]:
+    chosen = choose_topics(types, color_topic, depth_topic)
+    return chosen.color, chosen.depth
+
+
+def test_stereo_images_of_an_oak_are_depth_and_those_of_a_zed_are_none() -> None:
+    oak = {"/oak/rgb/image_raw": IMAGE, "/oak/rgb/camera_info": INFO, "/oak/stereo/image_raw": IMAGE}
+    assert streams(oak) == ("/oak/rgb/image_raw", "/oak/stereo/image_raw")
+    zed = {f"/zed/zed_node/{name}/image_rect_color": IMAGE for name in ("rgb", "stereo")}
+    assert streams(zed | {"/zed/zed_node/rgb/camera_info": INFO}) == ("/zed/zed_node/rgb/image_rect_color", None)
+
+
+def test_a_camera_called_right_is_found_and_the_right_image_of_a_pair_passed_over() -> None:
+    right = "/right/right_camera"
+    found = (f"{right}/color/image_raw", f"{right}/aligned_depth_to_color/image_raw")
+    assert streams(realsense("right")) == found
+    pair = {f"/stereo/{side}/image_rect": IMAGE for side in ("left", "right")} | {"/stereo/left/camera_info": INFO}
+    assert streams(pair) == ("/stereo/left/image_rect", None)
+    with pytest.raises(DataError, match="several depth topics fit"):
+        choose_topics(realsense("left") | realsense("right"))
+
+
+def test_beside_a_stream_that_is_named_the_other_is_of_the_same_camera() -> None:
+    two = realsense("left") | realsense("right")
+    right = "/right/right_camera"
+    color, depth = f"{right}/color/image_raw", f"{right}/aligned_depth_to_color/image_raw"
+    assert streams(two, color_topic=color) == (color, depth)
+    front = realsense("front") | realsense("rear")
+    color, depth = "/rear/rear_camera/color/image_raw", "/rear/rear_camera/depth/image_rect_raw"
+    assert streams(front, depth_topic=depth) == (color, depth)
+    tof = {"/rgb/image": IMAGE, "/rgb/camera_info": INFO, "/tof/range": IMAGE, "/tof/ir/image": IMAGE}
+    assert streams(tof, depth_topic="/tof/range") == ("/rgb/image", "/tof/range"), "what is never taken hides nothing"
+
+
+def test_depth_is_not_taken_from_a_jpeg_nor_from_a_transport_that_is_not_read() -> None:
+    aligned = "/camera/aligned_depth_to_color/image_raw"
+    bag = {"/camera/color/image_raw/compressed": messages.COMPRESSED, "/camera/color/camera_info": INFO}
+    bag |= {f"{aligned}/{name}": messages.COMPRESSED for name in ("compressed", "compressedDepth", "zstd")}
+    assert streams(bag) == ("/camera/color/image_raw/compressed", f"{aligned}/compressedDepth")
 
 
 def without_info(tmp_path: Path) -> Path:

@@ -31,6 +31,8 @@ _REPAIRS = "lost metadata: ros2 bag reindex; a cut .mcap: mcap recover; a damage
 
 MAX_WAITING = 60
 """Images of one stream that wait for their partner: two seconds at 30 Hz."""
+_RESET_NS = 500_000_000
+"""Stamps that step back further than this start anew: the recording of a bag that loops."""
 
 Calibration = CameraCalibration | DataError
 """Of a camera_info, or why it cannot be used."""
@@ -193,6 +195,10 @@ class _Assembly:
     truths: dict[str, OrderedDict[int, Any]] = field(default_factory=lambda: {t: OrderedDict() for t in TRUTH_TYPES})
     errors: list[str] = field(default_factory=list)
     emitted: int = 0
+    newest: dict[str, int] = field(default_factory=dict)
+    """Stamp of the last image by topic."""
+    finished: list[Sample | BadFrame] = field(default_factory=list)
+    """Frames of before a jump back, until `ready` yields them."""
 
     def add(self, topic: str, raw: bytes) -> None:
         topics = self.source.topics
@@ -209,12 +215,26 @@ class _Assembly:
             store = self.truths[topic]
         else:
             store = self.leaders if topic == (topics.depth or topics.color) else self.colors
-        store[messages.stamp_of(message)] = (message, self.calibration)
+        stamp_ns = messages.stamp_of(message)
+        if topic in topics.images:
+            self._follow(topic, stamp_ns)
+        store[stamp_ns] = (message, self.calibration)
         while len(store) > MAX_WAITING and store is not self.leaders:
             store.popitem(last=False)
 
+    def _follow(self, topic: str, stamp_ns: int) -> None:
+        """Finish what waits and forget the colour images, as soon as the first of both streams jumps back."""
+        before = self.newest.get(topic, 0)
+        other = max((t for name, t in self.newest.items() if name != topic), default=0)
+        if min(before, other) > stamp_ns + _RESET_NS:
+            self.finished = list(self.ready(end=True))
+            self.colors.clear()
+        self.newest[topic] = stamp_ns
+
     def ready(self, end: bool) -> Iterator[Sample | BadFrame]:
         """Yield every frame whose partner has come, or can come no more."""
+        finished, self.finished = self.finished, []
+        yield from finished
         for error in self.errors:
             yield BadFrame(self._name(-1), error)
             self.emitted += 1
@@ -260,7 +280,7 @@ class _Assembly:
             if partner is None:
                 gap_ms = self.source.max_stamp_gap_ns / 1e6
                 raise DataError(f"no colour image within {gap_ms:g} ms of this depth image")
-            color_message = self.colors[partner][0]
+            color_message, _ = self.colors.pop(partner) if partner == stamp_ns else self.colors[partner]
             self._check_registered(color_message, depth_message)
         color = None if color_message is None else messages.decode_color(color_message)
         depth_m = None if depth_message is None else messages.decode_depth(depth_message)

@@ -16,7 +16,13 @@ LAYOUT_TOPIC, CLASSES_TOPIC, POSE_TOPIC = "/ground_truth/layout", "/ground_truth
 _DEPTH_HINTS = ("depth_registered", "aligned_depth", "depth_to_rgb", "depth")
 _COLOR_HINTS = ("rgb", "color", "colour", "left", "image")
 _FINISH_HINTS = ("image_rect", "image")
-_NEVER = ("ground_truth", "infra", "/ir/", "theora", "confidence", "mask", "label", "overlay", "mono", "right")
+_DEPTH_WORDS = ("depth", "/stereo/image")
+"""What tells depth from colour by name; DepthAI drivers call depth /oak/stereo/image_raw."""
+_NEVER = (
+    *("ground_truth", "infra", "/ir/", "theora", "confidence", "mask", "label", "overlay", "mono", "/zstd"),
+    "/stereo/image_rect_color",
+)
+"""No candidates; the last is both images of a ZED beside each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +68,12 @@ def choose_topics(
     results = [t for t in images if _is_result(t, types) and t not in (color_topic, depth_topic)]
     if results and len(results) == len(images):
         raise DataError(f"the bag holds results of the estimator ({_listed(images)}), no images of a camera")
-    images = [t for t in images if t not in results]
-    depths = [t for t in images if "depth" in t.lower()]
-    depth = depth_topic or _best("depth", depths, _DEPTH_HINTS)
-    color = color_topic or _best("colour", [t for t in images if t not in depths and t != depth], _COLOR_HINTS)
+    images = [t for t in images if t not in results and not any(word in t.lower() for word in _NEVER)]
+    depths = [t for t in images if any(word in t.lower() for word in _DEPTH_WORDS)]
+    colors = [t for t in images if t not in depths and t != depth_topic]
+    depths = [t for t in depths if t != color_topic and not t.endswith("/compressed")]  # a JPEG of depth
+    depth = depth_topic or _best("depth", _beside(color_topic, depths), _DEPTH_HINTS)
+    color = color_topic or _best("colour", _beside(depth_topic, _without_right(colors)), _COLOR_HINTS)
     if not color and not depth:
         raise DataError(f"the bag has no colour or depth images; its topics are {_listed(list(types))}")
     if not needs_info:
@@ -77,19 +85,35 @@ def choose_topics(
     return BagTopics(color, depth, info or _info(color, depth, infos))
 
 
+def _without_right(topics: list[str]) -> list[str]:
+    """Leave out the right images of stereo pairs: those whose left one is there too."""
+    return [t for t in topics if "right" not in t or t.replace("right", "left") not in topics]
+
+
+def _beside(named: str | None, topics: list[str]) -> list[str]:
+    """Return the topics that share most of the leading parts of their names with `named`; all where none is named."""
+    if not named:
+        return topics
+    parts = named.split("/")
+
+    def shared(topic: str) -> int:
+        return next((i for i, (a, b) in enumerate(zip(parts, topic.split("/"), strict=False)) if a != b), len(parts))
+
+    most = max(map(shared, topics), default=0)
+    return [t for t in topics if shared(t) == most]
+
+
 def _is_result(topic: str, types: Mapping[str, str]) -> bool:
     """Whether an estimator published it: the names of its labels lie beside it."""
     return f"{topic.rpartition('/')[0]}/label_names" in types
 
 
 def _best(what: str, topics: list[str], hints: tuple[str, ...]) -> str | None:
-    topics = [t for t in topics if not any(word in t.lower() for word in _NEVER)]
-
     def rank(topic: str) -> tuple[int, int, bool]:
         name = topic.lower()
         first = next((i for i, hint in enumerate(hints) if hint in name), len(hints))
         last = next((i for i, hint in enumerate(_FINISH_HINTS) if hint in name), len(_FINISH_HINTS))
-        return first, last, "compressed" in name
+        return first, last, "/compressed" in name
 
     ranked = sorted(topics, key=lambda t: (rank(t), t))
     if len(ranked) > 1 and rank(ranked[0]) == rank(ranked[1]):
