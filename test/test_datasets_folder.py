@@ -238,6 +238,25 @@ def test_a_calibration_reads_back_equal(data_root: Path, tmp_path: Path) -> None
     assert read_calibration(tmp_path / "camera.yaml") == calibration
 
 
+@pytest.mark.parametrize("text", ["", "on", "0123", "null", "1e3", "a: b", '#"\\', "küche 🙂", "x\x7f", "long " * 40])
+def test_names_in_a_calibration_are_words_whatever_they_look_like(data_root: Path, tmp_path: Path, text: str) -> None:
+    calibration = read_calibration(data_root / "corridor" / "camera.yaml")
+    calibration = replace(calibration, camera_name=text, distortion_model=text)
+    write_calibration(tmp_path / "camera.yaml", calibration)
+    assert read_calibration(tmp_path / "camera.yaml") == calibration
+
+
+def test_frames_that_are_numbered_without_zeros_come_in_order(tmp_path: Path, rng: np.random.Generator) -> None:
+    numbered = [replace(s, frame=replace(s.frame, name=str(i))) for i, s in enumerate(make_samples(12, rng))]
+    folder = write_folder(tmp_path / "frames", numbered)
+    assert [s.name for s in good_samples(open_source(folder))] == [str(i) for i in range(12)]
+    for picture in folder.glob("*/10.png"):
+        picture.rename(picture.with_name("x.png"))
+    (folder / "stamps.txt").unlink()
+    (folder / "poses.txt").unlink()
+    assert [s.name for s in open_source(folder)] == ["0", "1", "11", *map(str, range(2, 10)), "x"]
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [

@@ -139,8 +139,13 @@ def write_calibration(path: Path, calibration: CameraCalibration) -> None:
         return f"\n  rows: {rows}\n  cols: {columns}\n  data: [{', '.join(repr(float(v)) for v in values)}]\n"
 
     c = calibration
-    text = f"image_width: {c.width}\nimage_height: {c.height}\ncamera_name: {c.camera_name}\n"
+    text = f"image_width: {c.width}\nimage_height: {c.height}\ncamera_name: {_quoted(c.camera_name)}\n"
     text += "camera_matrix:" + matrix(c.K, 3)
-    text += f"distortion_model: {c.distortion_model}\ndistortion_coefficients:" + matrix(c.D, 1)
+    text += f"distortion_model: {_quoted(c.distortion_model)}\ndistortion_coefficients:" + matrix(c.D, 1)
     text += "rectification_matrix:" + matrix(c.R, 3) + "projection_matrix:" + matrix(c.P, 3)
     path.write_text(text, encoding="utf-8")
+
+
+def _quoted(text: str) -> str:
+    """Return the YAML of a string that no reader takes for a number, a truth value or nothing."""
+    return str(yaml.safe_dump(text, default_style='"', allow_unicode=True, width=float("inf"))).strip()

@@ -208,4 +208,6 @@ def _names(path: Path, color_name: str) -> tuple[str, ...]:
     pictures = (p for suffix in COLOR_SUFFIXES for p in path.glob(f"{color_name}/*{suffix}"))
     color = {p.stem for p in pictures if not p.name.startswith(".")}
     depth = {p.stem for p in path.glob("depth/*.png") if not p.name.startswith(".")}
-    return tuple(sorted(color | depth))
+    names = sorted(color | depth)
+    counted = all(name.isascii() and name.isdecimal() for name in names)  # 0, 1, ... 10 without zeros before them
+    return tuple(sorted(names, key=int) if counted else names)
