@@ -56,6 +56,16 @@ def test_jpeg_colour_is_near(rgb: NDArray[np.uint8]) -> None:
     assert np.abs(decoded.astype(int) - rgb).mean() < 3.0
 
 
+@pytest.mark.parametrize("suffix", (".jpg", ".png"))
+@pytest.mark.parametrize("zeros", (1, 62, 63, 64, 500, 5000))
+def test_zeros_behind_a_picture_are_no_part_of_it(rgb: NDArray[np.uint8], suffix: str, zeros: int) -> None:
+    content = encoded(suffix, rgb)
+    padded = message(content + bytes(zeros), suffix)
+    np.testing.assert_array_equal(decode_compressed_color(padded), decode_compressed_color(message(content, suffix)))
+    with pytest.raises(ValueError, match="is cut"):
+        check_compressed_color(message(content[:-1] + bytes(zeros), suffix))
+
+
 def test_grey_is_repeated_and_transparency_dropped(rgb: NDArray[np.uint8]) -> None:
     grey = decode_compressed_color(message(encoded(".png", rgb[..., 0]), "mono8; png compressed"))
     np.testing.assert_array_equal(grey, np.dstack([rgb[..., 0]] * 3))

@@ -110,7 +110,7 @@ def _picture_size(what: str, content: memoryview) -> tuple[int, int]:
         size, end = _jpeg_size(content), _JPEG_END
     else:
         raise ValueError(f"compressed {what} image is neither PNG nor JPEG")
-    if size is None or not bytes(content[-64:]).rstrip(b"\0").endswith(end):
+    if size is None or not _ends_with(content, end):
         raise ValueError(f"compressed {what} image of {len(content)} bytes is cut")
     height, width = size
     sides = 0 < height <= MAX_SIDE_PX and 0 < width <= MAX_SIDE_PX
@@ -119,6 +119,14 @@ def _picture_size(what: str, content: memoryview) -> tuple[int, int]:
             f"{what} image is {width}x{height}; each side must be 1 to {MAX_SIDE_PX}, all at most {_MAX_PIXELS} pixels"
         )
     return height, width
+
+
+def _ends_with(content: memoryview, end: bytes) -> bool:
+    """Whether it ends so, zeros behind apart (some cameras send their whole buffer); copies no more than it needs."""
+    taken = 64
+    while len(tail := bytes(content[-taken:]).rstrip(b"\0")) < len(end) and taken < len(content):
+        taken *= 8
+    return tail.endswith(end)
 
 
 def _png_size(content: memoryview) -> tuple[int, int] | None:
