@@ -30,6 +30,8 @@ FRAME_TOPICS = (topics.COLOR_TOPIC, topics.COLOR_INFO_TOPIC, topics.DEPTH_TOPIC)
 
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _QUEUE_DEPTH = 10
+_LATCHED_DEPTH = 100
+"""So many messages are kept for readers that come late: /tf_static of many nodes is one of each."""
 _CLOCK_STEP_S = 0.01
 _SETTLE_S = 0.2
 """Our count of subscribers says that we have found them; they may take this long to find us."""
@@ -42,12 +44,13 @@ _LAST_WORDS_S = 0.3
 
 
 class RawMessage(NamedTuple):
-    """A message as it goes over the wire."""
+    """A message as it goes over the wire; `latched` is for readers that come later too."""
 
     topic: str
     kind: str
     time_ns: int
     raw: bytes
+    latched: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +95,15 @@ def bag_stream(path: Path, only: set[str] | None = None) -> Callable[[], Iterato
     def read() -> Iterator[RawMessage]:
         with open_reader(path) as reader:
             for connection, time_ns, raw in raw_messages(reader, set(kinds), path):
-                yield RawMessage(connection.topic, connection.msgtype, time_ns, raw)
+                yield RawMessage(connection.topic, connection.msgtype, time_ns, raw, _is_latched(connection))
 
     return read
+
+
+def _is_latched(connection: Any) -> bool:
+    """Whether all its publishers offered their messages to readers that come later."""
+    profiles = connection.ext.offered_qos_profiles
+    return bool(profiles) and all(profile.durability.name == "TRANSIENT_LOCAL" for profile in profiles)
 
 
 def frame_stream(source: FrameSource) -> Callable[[], Iterator[RawMessage]]:
@@ -228,6 +237,15 @@ def _signals_interrupt() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
+def _qos(latched: bool) -> Any:
+    """Return the profile, or the depth, that create_publisher takes."""
+    from rclpy.qos import QoSDurabilityPolicy, QoSProfile
+
+    if not latched:
+        return _QUEUE_DEPTH
+    return QoSProfile(depth=_LATCHED_DEPTH, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+
+
 class _Player:
     def __init__(self, node: Any, options: PlayOptions, progress: Callable[[int], object] | None) -> None:
         self.node, self.options, self.progress = node, options, progress
@@ -276,7 +294,7 @@ class _Player:
                 return None
             # Reliable: a bag is replayed to be received; sensor-data readers match it all the same.
             with _refusals():
-                self._publishers[topic] = self.node.create_publisher(kind, topic, _QUEUE_DEPTH)
+                self._publishers[topic] = self.node.create_publisher(kind, topic, _qos(message.latched))
         return self._publishers.get(topic)
 
     def play_once(self, stream: Iterable[RawMessage], first: bool) -> None:

@@ -15,13 +15,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from frames_on_disk import make_samples, write_folder
+from frames_on_disk import SMALL, make_samples, write_folder
 
-from room_layout_ros.datasets import DataError, Sample
+from room_layout_ros.datasets import CameraCalibration, DataError, Sample
+from room_layout_ros.datasets import bag_messages as messages
 from room_layout_ros.datasets.bag_topics import COLOR_INFO_TOPIC, COLOR_TOPIC, DEPTH_TOPIC
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.datasets.writers import BagWriter
-from room_layout_ros.playback import PROFILE_VARIABLE, PlayOptions, parse_remappings, set_transport_profile
+from room_layout_ros.playback import PROFILE_VARIABLE, PlayOptions, bag_stream, parse_remappings, set_transport_profile
 
 pytestmark = pytest.mark.dds
 
@@ -127,6 +128,51 @@ def test_a_folder_plays_under_the_names_the_node_listens_to(
         time.sleep(0.02)
     assert [stamp_of(m) for _, m in listener.got[DEPTH_TOPIC]] == [s.frame.stamp_ns for s in samples]
     assert listener.got[COLOR_INFO_TOPIC][0][1].k[0] == samples[0].frame.camera.fx
+
+
+@pytest.fixture
+def latched(tmp_path: Path) -> Path:
+    """A bag whose camera_info was sent once, for readers that come later too; a second of images."""
+    from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    ever = QosTime(9223372036, 854775807)
+    kept = Qos(
+        QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL,
+        ever, ever, QosLiveliness.AUTOMATIC, ever, False,
+    )  # fmt: skip
+    store, calibration = messages.typestore(), CameraCalibration.from_intrinsics(SMALL)
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        info = writer.add_connection(
+            COLOR_INFO_TOPIC, messages.CAMERA_INFO, typestore=store, offered_qos_profiles=[kept]
+        )
+        image = writer.add_connection(COLOR_TOPIC, messages.IMAGE, typestore=store)
+        writer.write(info, 10**9, messages.encode_camera_info(calibration, 10**9, "optical"))
+        for stamp_ns in range(10**9, 3 * 10**9, 10**8):
+            pixels = np.zeros((48, 64, 3), np.uint8)
+            writer.write(image, stamp_ns, messages.encode_image_message(pixels, "rgb8", stamp_ns, "optical"))
+    return tmp_path / "bag"
+
+
+def test_what_was_sent_once_for_late_readers_is_marked_and_only_that(latched: Path) -> None:
+    kept = {message.topic: message.latched for message in bag_stream(latched)()}
+    assert kept == {COLOR_INFO_TOPIC: True, COLOR_TOPIC: False}
+
+
+def test_a_reader_that_comes_later_gets_what_was_sent_once(latched: Path, listener: Listener) -> None:
+    from rclpy.qos import QoSDurabilityPolicy, QoSProfile
+    from sensor_msgs.msg import CameraInfo
+
+    got: list[Any] = []
+    process = start(latched, "--rate", 0.5)
+    deadline = time.monotonic() + 30
+    while not listener.got[COLOR_TOPIC] and time.monotonic() < deadline:
+        time.sleep(0.02)
+    profile = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+    listener.node.create_subscription(CameraInfo, COLOR_INFO_TOPIC, got.append, profile)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 0, told
+    assert len(got) == 1, "the first image came after it"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
