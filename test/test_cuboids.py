@@ -121,3 +121,12 @@ def test_an_empty_room_has_no_things() -> None:
 
 def test_specks_are_no_things() -> None:
     assert seen([Thing(3.0, 0.0, (0.04, 0.04, 0.04))]) == ()
+
+
+@pytest.mark.parametrize("yaw", (0.0, 35.0))
+def test_a_box_is_whole_in_a_picture_of_few_pixels(yaw: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 160 x 120 every second one is looked at: a cell of 5 cm has less than one of them."""
+    monkeypatch.setitem(globals(), "CAMERA", CAMERA.scaled(160 / CAMERA.width))
+    thing = Thing(2.6, 0.0, (0.6, 1.5, 0.8), yaw)
+    found = seen([thing])[0]
+    np.testing.assert_allclose(sorted(found.size_m), sorted(thing.size), atol=0.2)

@@ -181,3 +181,32 @@ def test_f32_a_deadline_may_pass_at_any_step(estimator: LayoutEstimator, furnish
         estimate = estimator.estimate(furnished[0].frame, expired=lambda: next(left) >= steps)  # noqa: B023
         check(estimate, furnished[0].frame)
         assert estimate.status in (Status.DEADLINE, Status.OK)
+
+
+@pytest.mark.parametrize("keeps", ["a fifth at random", "every fifth row", "a third at random", "every twentieth row"])
+def test_f24_scattered_depth_is_a_room_where_colour_alone_is_one(
+    estimator: LayoutEstimator, keeps: str, rng: np.random.Generator
+) -> None:
+    sample = next(iter(good_samples(SyntheticSource(frames=1, seed=1))))
+    frame = sample.frame
+    assert frame.depth_m is not None
+    kept = {
+        "a fifth at random": rng.random(frame.depth_m.shape) < 0.2,
+        "a third at random": rng.random(frame.depth_m.shape) < 0.33,
+        "every fifth row": np.broadcast_to((np.arange(480) % 5 == 0)[:, None], (480, 640)),
+        "every twentieth row": np.broadcast_to((np.arange(480) % 20 == 0)[:, None], (480, 640)),
+    }[keeps]
+    found = ask(estimator, replace(frame, depth_m=np.where(kept, frame.depth_m, np.float32(np.nan))))
+    assert found.status is Status.OK
+    assert sample.truth is not None
+    assert sample.truth.layout is not None
+    assert score_pixels(sample.truth.layout, found.layout).layout_error < 0.15
+
+
+@pytest.mark.parametrize(("width", "height"), [(640, 5), (5, 640), (700, 9), (9, 700)])
+def test_f25_a_strip_of_few_pixels_is_no_room(estimator: LayoutEstimator, width: int, height: int) -> None:
+    camera = CameraIntrinsics(width, height, 500.0, 500.0, width / 2, height / 2)
+    color = np.random.default_rng(0).integers(0, 256, (height, width, 3), dtype=np.uint8)
+    depth_m = np.full((height, width), 2.0, np.float32)
+    for frame in (RgbdFrame(camera, color, depth_m), RgbdFrame(camera, color), RgbdFrame(camera, None, depth_m)):
+        assert ask(estimator, frame).status in (Status.NO_ROOM, Status.NO_DEPTH)

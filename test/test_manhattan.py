@@ -309,3 +309,15 @@ def test_lines_make_coarse_depth_more_precise() -> None:
             errors.append(error_deg(found.R_room_camera, R))
     assert np.mean(with_lines) < np.mean(without)
     assert max(with_lines) < 0.3
+
+
+@pytest.mark.parametrize("yaw", [20, 30, 45])
+def test_a_start_turned_about_the_vertical_is_left_though_floor_and_ceiling_agree(yaw: float) -> None:
+    """Of a camera that looks down the floor alone is half of what it sees."""
+    R = look(25, 35, 2)
+    geometry = geometry_of(room_depth(R))
+    turned = look(yaw) @ R
+    found = estimate_manhattan_frame(geometry, prior=turned)
+    assert found is not None
+    assert error_deg(turned, R) > 15
+    assert error_deg(found.R_room_camera, R) < 1.0

@@ -1,4 +1,4 @@
-"""Free space of cameras on their side and upside down."""
+"""Room and free space of cameras on their side and upside down."""
 
 from __future__ import annotations
 
@@ -11,13 +11,21 @@ from furnished import CONFIG, with_truth
 
 from room_layout_ros.core.cuboids import compute_object_cuboids
 from room_layout_ros.core.depth import compute_depth_geometry
+from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.floor_plane import FloorPlane
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.core.freespace import FREE_CELL, compute_free_space
 from room_layout_ros.core.layout import RoomCuboid
+from room_layout_ros.core.tracking import TemporalPrior, next_prior
 from room_layout_ros.core.upright import Turn
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import KINECT, NOISES, camera_pose, random_scene, render
+
+
+@pytest.fixture(scope="module")
+def estimator() -> LayoutEstimator:
+    return LayoutEstimator()
+
 
 LEFT = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """A quarter turn of the picture to the left: what was at the right is up, what was down is at the right."""
@@ -84,3 +92,29 @@ def test_after_the_turn_down_is_nearest_to_down_in_the_picture(roll: float) -> N
 @pytest.mark.parametrize("down", [(0.0, 0.0, 1.0), (np.nan, np.nan, np.nan)])
 def test_no_turn_without_a_down_in_the_picture(down: tuple[float, float, float]) -> None:
     assert Turn.upright(np.array(down)).quarters == 0
+
+
+@pytest.mark.parametrize("sees", ["depth", "colour"])
+@pytest.mark.parametrize("quarters", [1, 2, 3])
+def test_where_gravity_is_known_a_turned_camera_finds_the_same_room(
+    estimator: LayoutEstimator, quarters: int, sees: str
+) -> None:
+    sample = sample_of("kinect")
+    frame, other = turned(sample, quarters)
+    upright = sample.frame
+    if sees == "colour":
+        frame, upright = frame.without_depth(), upright.without_depth()
+    down = with_truth(sample).R_room_camera[1]
+    first = estimator.estimate(upright, TemporalPrior(gravity=down))
+    found = estimator.estimate(frame, TemporalPrior(gravity=other["R_room_camera"][1]))
+    back = np.linalg.matrix_power(LEFT, quarters)
+    for name in ("layout", "labels", "furniture", "superpixels"):
+        np.testing.assert_array_equal(np.rot90(getattr(found, name), -quarters), getattr(first, name), name)
+    assert first.cuboid is not None
+    assert found.cuboid is not None
+    np.testing.assert_allclose(found.cuboid.R_room_camera @ back, first.cuboid.R_room_camera, atol=1e-9)
+    np.testing.assert_allclose(found.cuboid.distances, first.cuboid.distances)
+    assert [p.face for p in found.polygons] == [p.face for p in first.polygons]
+    again = estimator.estimate(frame, replace(next_prior(found), gravity=other["R_room_camera"][1]))
+    assert again.cuboid is not None
+    np.testing.assert_allclose(again.cuboid.R_room_camera, found.cuboid.R_room_camera, atol=0.02)

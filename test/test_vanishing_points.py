@@ -135,3 +135,11 @@ def test_axes_from_lines_agree_with_depth_on_real_frames(data_root: Path) -> Non
         found = estimate_axes_from_lines(compute_line_segments(frame.color, CONFIG), frame.camera, CONFIG)
         errors.append(off_deg(found.hypotheses[0], reference.R_room_camera))
     assert np.mean(np.array(errors) < 5.0) >= 0.8
+
+
+@pytest.mark.parametrize(("count", "most"), [(1, 0.1), (4, 0.3), (12, 0.65)])
+def test_few_lines_are_little_confidence(count: int, most: float, rng: np.random.Generator) -> None:
+    """One line always meets an axis."""
+    R = _rotation(np.deg2rad(5.0), 0.0, np.deg2rad(20.0))
+    found = estimate_axes_from_lines(_lines(R, rng, count, 0.2, 0), CAMERA, CONFIG)
+    assert found.confidence < most

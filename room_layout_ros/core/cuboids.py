@@ -19,7 +19,8 @@ from .labels import CLUTTER
 _STRIDE = 2
 _LOWEST_M = 0.03
 _BEFORE_WALL_M = 0.05
-_MIN_CELL_POINTS = 4
+_MIN_CELL_POINTS, _CELL_PX = 4, 12.0
+"""Points that a cell of a thing has; it is no smaller than so many of the looked-at pixels are at 1 m."""
 _MAX_CELLS = 4_000_000
 _TRIM = (1.0, 99.0)
 """Percentiles of the points that the box spans: the rest is noise."""
@@ -65,7 +66,7 @@ def compute_object_cuboids(
     )
     if not len(points):
         return ()
-    size = free_space.resolution_m
+    size = max(free_space.resolution_m, _CELL_PX * _STRIDE / geometry.camera.fx)
     low, shape = _bounds(points, size)
     if shape[0] * shape[1] > _MAX_CELLS:
         return ()

@@ -25,6 +25,7 @@ from .observation import Observation, observe
 from .scene_network import SceneScores, compute_scene_scores
 from .stage_clock import StageClock
 from .tracking import TemporalPrior
+from .upright import Turn
 from .weights import uses
 from .working_size import resize_frame, restore_estimate, working_factors
 
@@ -73,6 +74,8 @@ class LayoutEstimator:
             Always; its `status` says whether a room was found.
         """
         run, config, camera = StageClock(), self.config, frame.camera
+        if prior is not None and prior.gravity is not None and (turn := Turn.upright(prior.gravity)).quarters:
+            return self._estimate_turned(turn, frame, prior, expired)
         if working_factors(camera, config.working_size_px) != (1, 1):
             return self._estimate_resized(frame, prior, expired)
         seen = observe(frame, config, self.look, prior, run, with_parts=config.method == "joint")
@@ -107,6 +110,15 @@ class LayoutEstimator:
             )  # fmt: skip
         confidence = models.confidence
         return conclude(frame, axes, superpixels, joint, room, drawn(), confidence, run.timings_ms)
+
+    def _estimate_turned(
+        self, turn: Turn, frame: RgbdFrame, prior: TemporalPrior, expired: Callable[[], bool]
+    ) -> RoomEstimate:
+        """Estimate the room in a picture in which down is down, and return the estimate of the frame as it is."""
+        estimate = turn.back(self.estimate(turn.frame(frame), turn.prior(prior), expired))
+        if estimate.cuboid is None:
+            return estimate
+        return replace(estimate, polygons=estimate.cuboid.polygons(frame.camera))
 
     def _estimate_resized(
         self, frame: RgbdFrame, prior: TemporalPrior | None, expired: Callable[[], bool]

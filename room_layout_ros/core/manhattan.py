@@ -30,6 +30,10 @@ _LARGE_CELLS = 16
 _BANDWIDTH = _KERNEL_RAD**2
 """1 - cos of two directions over this is the exponent of the kernel, which is Gaussian in their angle."""
 _SAME_FRAME_RAD = np.deg2rad(8.0)
+_SCATTERED = 0.5
+"""Share of pixels with depth up to which no plane may be found on a wall."""
+_BETTER = 0.01
+"""Share of the normals by which another turn has to explain more before what the previous frame knew is forgotten."""
 _MODES = 4
 _AZIMUTH_BINS = 45
 _MODES_APART_RAD = np.deg2rad(12.0)
@@ -67,13 +71,17 @@ def find_axes(
 ) -> ManhattanFrame | None:
     """Estimate the room's axes from whatever there is: depth and lines, depth alone, or lines alone.
 
+    Lines alone also where the depth is so scattered that no part of it makes a plane.
+
     Returns
     -------
     ManhattanFrame or None
         None where there is too little to see.
     """
     if geometry is not None:
-        return estimate_manhattan_frame(geometry, segments, prior.R_room_camera, prior.gravity)
+        by_depth = estimate_manhattan_frame(geometry, segments, prior.R_room_camera, prior.gravity)
+        if by_depth is not None or geometry.measured > _SCATTERED:
+            return by_depth
     if segments is None or len(segments) == 0:
         return None
     found = estimate_axes_from_lines(segments, camera, config, prior.gravity)
@@ -113,7 +121,7 @@ def estimate_manhattan_frame(
     lines, lengths = (None, None) if segments is None else _interpretation(segments, geometry)
     starts = _candidates(cells.normal, weight, gravity, lines, lengths) if prior is None else [prior]
     scored = sorted(((_score(R, cells.normal, weight, _BANDWIDTH), i) for i, R in enumerate(starts)), reverse=True)
-    if prior is not None and scored[0][0] < 0.5:
+    if prior is not None and (scored[0][0] < 0.5 or _is_left(prior, cells.normal, weight)):
         return estimate_manhattan_frame(geometry, segments, None, gravity)
     refined: list[tuple[float, NDArray[np.float64]]] = []
     small = fit_cell_planes(geometry, radius=1)
@@ -124,6 +132,27 @@ def estimate_manhattan_frame(
     refined.sort(key=lambda item: -item[0])
     hypotheses = [turned for _, R in refined for turned in (R, other_front(R))]
     return ManhattanFrame(refined[0][1], float(refined[0][0]), tuple(hypotheses))
+
+
+def _is_left(prior: NDArray[np.float64], normals: NDArray[np.float64], weight: NDArray[np.float64]) -> bool:
+    """Whether the normals speak for another turn about the axis of the prior that they hold best.
+
+    Floor and ceiling alone explain half of them whatever the turn: it would stay wrong for many frames.
+    """
+    on_axis = weight @ (np.abs(normals @ prior.T) > np.cos(_KERNEL_RAD))
+    basis = _complete(prior[int(np.argmax(on_axis))])
+    least = _score(prior, normals, weight, _BANDWIDTH) + _BETTER
+    turned = (_turned(basis, angle) for angle in _azimuths(normals, weight, basis))
+    return any(
+        angle_between_axes(R, prior) > _SAME_FRAME_RAD and _score(R, normals, weight, _BANDWIDTH) > least
+        for R in turned
+    )
+
+
+def _turned(basis: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
+    """(3, 3) the basis turned about its last row."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([c * basis[0] + s * basis[1], -s * basis[0] + c * basis[1], basis[2]])
 
 
 def _interpretation(segments: LineSegments, geometry: DepthGeometry) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -143,8 +172,7 @@ def _candidates(
     for axis in _modes(normals, weight, _MODES, _BANDWIDTH, _MODES_APART_RAD):
         basis = _complete(axis)
         for angle in _azimuths(normals, weight, basis) or [_azimuth_of_one_plane(basis, gravity, lines, lengths)]:
-            c, s = np.cos(angle), np.sin(angle)
-            triples.append(np.array([c * basis[0] + s * basis[1], -s * basis[0] + c * basis[1], basis[2]]))
+            triples.append(_turned(basis, angle))
     return triples
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .config import EstimatorConfig
-from .depth import DepthGeometry, compute_depth_geometry
+from .depth import CELL_PX, DepthGeometry, compute_depth_geometry
 from .estimate import Status
 from .evidence.features import SuperpixelFeatures, add_scene, compute_superpixel_features
 from .evidence.room_extents import compute_room_extents
@@ -95,6 +95,8 @@ def observe(
     geometry = run("depth", compute_depth_geometry, frame, config)
     if geometry is None and color is None:
         return Status.NO_DEPTH
+    if min(frame.camera.width, frame.camera.height) < CELL_PX:
+        return Status.NO_ROOM
     inverse_depth = None if geometry is None else geometry.inverse_depth
     with (
         run.beside("scene", look, frame) as scores_found,

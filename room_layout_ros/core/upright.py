@@ -1,6 +1,7 @@
 """Cameras that hang on their side or upside down: a frame is turned by quarters until down in the room is down in it.
 
-So the rest of free space may take what is lower in the picture for what is lower in the room, or nearer on the floor.
+Network and classifiers have seen upright pictures only, and free space takes what is lower in the picture for what is
+lower in the room, or nearer on the floor.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from numpy.typing import NDArray
 
 from .depth import DepthGeometry
 from .estimate import RoomEstimate
-from .frame import CameraIntrinsics
+from .frame import CameraIntrinsics, RgbdFrame
 from .layout import RoomCuboid
+from .tracking import TemporalPrior
 
 _QUARTER = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """What was right is down: a vector of the camera frame after its picture was turned to the left by a quarter."""
@@ -51,6 +53,19 @@ class Turn:
             camera = CameraIntrinsics(c.height, c.width, c.fy, c.fx, c.cy, c.width - 1 - c.cx)
         return camera
 
+    def frame(self, frame: RgbdFrame) -> RgbdFrame:
+        """Return the frame of the turned picture."""
+        color = None if frame.color is None else self.image(frame.color)
+        depth_m = None if frame.depth_m is None else self.image(frame.depth_m)
+        return replace(frame, camera=self.camera(frame.camera), color=color, depth_m=depth_m)
+
+    def prior(self, prior: TemporalPrior) -> TemporalPrior:
+        """Return what was known before, in the frame of the turned camera."""
+        R, gravity = prior.R_room_camera, prior.gravity
+        return TemporalPrior(
+            None if R is None else R @ self.rotation.T, None if gravity is None else self.rotation @ gravity
+        )
+
     def geometry(self, geometry: DepthGeometry) -> DepthGeometry:
         """Return the geometry of the turned picture."""
         return DepthGeometry(self.camera(geometry.camera), self.image(geometry.inverse_depth), geometry.measured)
@@ -70,3 +85,7 @@ class Turn:
             cuboid=cuboid,
             polygons=(),
         )
+
+    def back(self, estimate: RoomEstimate) -> RoomEstimate:
+        """Return the estimate of the picture before the turn, without its polygons."""
+        return Turn(-self.quarters % 4).estimate(estimate)

@@ -25,6 +25,8 @@ _VOTE_TOLERANCE_DEG = 2.5
 _REFINE_TOLERANCE_DEG = 2.0
 _STEP_DEG = 2.0
 _MAX_SEGMENTS = 150
+_ENOUGH_SEGMENTS = 20.0
+"""With fewer segments the axes are less sure: one always meets an axis."""
 _MAX_LENGTH_PX = 100.0
 """Longer segments vote no more than this length: a single long edge must not decide."""
 _ROLL_SIGMA_DEG = 6.0
@@ -304,4 +306,4 @@ def _confidence(found: list[tuple[float, NDArray[np.float64]]], count: int) -> f
     best = found[0][0]
     second = found[1][0] if len(found) > 1 else 0.0
     margin = best - second
-    return float(1.0 / (1.0 + np.exp(-(-1.0 + 4.0 * best + 20.0 * margin))))
+    return min(count / _ENOUGH_SEGMENTS, 1.0) / (1.0 + float(np.exp(-(-1.0 + 4.0 * best + 20.0 * margin))))
