@@ -233,14 +233,16 @@ def test_colour_that_comes_later_still_pairs(tmp_path: Path) -> None:
     assert [int(f.frame.color[0, 0, 0]) for f in frames if f.frame.color is not None] == [1, 2, 3, 4, 5]
 
 
-@pytest.mark.parametrize("apart_ns", (0, 5_000_000), ids=("equal stamps", "stamps 5 ms apart"))
+@pytest.mark.parametrize(("apart_ns", "length"), ((0, 20), (5_000_000, 20), (0, 5)))
 @pytest.mark.parametrize("depth_first", (True, False), ids=("depth first", "colour first"))
-def test_a_recording_that_loops_pairs_no_images_of_two_loops(tmp_path: Path, depth_first: bool, apart_ns: int) -> None:
-    """Image k of all loops has the depth k mm and the colour k."""
+def test_a_recording_that_loops_pairs_no_images_of_two_loops(
+    tmp_path: Path, depth_first: bool, apart_ns: int, length: int
+) -> None:
+    """Image k of all loops has the depth 1000 + k mm and the colour k."""
     period = 100_000_000
     items = [("/rgb/camera_info", INFO, 0, info_at(1))]
     for k in range(60):
-        stamp = (50 + k % 20) * period
+        stamp = (50 + k % length) * period
         pair = [
             ("/depth/image", IMAGE, depth_at(stamp, mm=1000 + k)),
             ("/rgb/image", IMAGE, color_at(stamp + apart_ns, k)),
@@ -259,6 +261,19 @@ def test_images_of_one_stamp_pair_in_their_order(tmp_path: Path) -> None:
         items += [("/depth/image", IMAGE, 20 * k, depth_at(0)), ("/rgb/image", IMAGE, 20 * k + 10, color_at(0, k))]
     samples = good_samples(open_source(write_raw(tmp_path / "bag", items)))
     assert [int(s.frame.color[0, 0, 0]) for s in samples if s.frame.color is not None] == [1, 2, 3, 4, 5]
+
+
+def test_depth_that_is_faster_than_colour_pairs_with_the_nearest(tmp_path: Path) -> None:
+    """At 90 Hz and 30 Hz a colour image is the exact partner of one depth image and the nearest of its neighbours."""
+    items = [("/rgb/camera_info", INFO, 0, info_at(1))]
+    for k in range(31):
+        stamp = 10**9 + k * 11_111_111
+        if k % 3 == 0:
+            items.append(("/rgb/image", IMAGE, stamp, color_at(stamp, k // 3)))
+        items.append(("/depth/image", IMAGE, stamp + 10**6, depth_at(stamp)))
+    samples = good_samples(open_source(write_raw(tmp_path / "bag", items)))
+    nearest = [int(s.frame.color[0, 0, 0]) for s in samples if s.frame.color is not None]
+    assert nearest == [round(k / 3) for k in range(31)]
 
 
 def test_depth_in_another_frame_is_refused_unless_the_user_knows_better(tmp_path: Path) -> None:

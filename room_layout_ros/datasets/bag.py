@@ -195,6 +195,8 @@ class _Assembly:
     truths: dict[str, OrderedDict[int, Any]] = field(default_factory=lambda: {t: OrderedDict() for t in TRUTH_TYPES})
     errors: list[str] = field(default_factory=list)
     emitted: int = 0
+    used: set[int] = field(default_factory=set)
+    """Stamps of the colour images that had their exact partner; they remain the nearest of other depth images."""
     newest: dict[str, int] = field(default_factory=dict)
     """Stamp of the last image by topic."""
     finished: list[Sample | BadFrame] = field(default_factory=list)
@@ -219,6 +221,9 @@ class _Assembly:
         if topic in topics.images:
             self._follow(topic, stamp_ns)
         store[stamp_ns] = (message, self.calibration)
+        store.move_to_end(stamp_ns)
+        if store is self.colors:
+            self.used = (self.used & self.colors.keys()) - {stamp_ns}
         while len(store) > MAX_WAITING and store is not self.leaders:
             store.popitem(last=False)
 
@@ -250,15 +255,15 @@ class _Assembly:
 
     def _may_still_come(self, stamp_ns: int) -> bool:
         """Whether a colour image nearer to this stamp than those seen may follow."""
-        topics, newest = self.source.topics, next(reversed(self.colors), None)
+        topics, newest = self.source.topics, next((s for s in reversed(self.colors) if s not in self.used), None)
         paired = bool(topics.color and topics.depth)
         past = newest is not None and newest >= stamp_ns + self.source.max_stamp_gap_ns
         return paired and not past and len(self.leaders) <= MAX_WAITING
 
     def _partner(self, stamp_ns: int) -> int | None:
-        if stamp_ns in self.colors:
+        if stamp_ns in self.colors and stamp_ns not in self.used:
             return stamp_ns
-        near = [s for s in self.colors if abs(s - stamp_ns) <= self.source.max_stamp_gap_ns]
+        near = [s for s in self.colors if s != stamp_ns and abs(s - stamp_ns) <= self.source.max_stamp_gap_ns]
         return min(near, key=lambda s: abs(s - stamp_ns), default=None)
 
     def _name(self, stamp_ns: int) -> str:
@@ -280,7 +285,9 @@ class _Assembly:
             if partner is None:
                 gap_ms = self.source.max_stamp_gap_ns / 1e6
                 raise DataError(f"no colour image within {gap_ms:g} ms of this depth image")
-            color_message, _ = self.colors.pop(partner) if partner == stamp_ns else self.colors[partner]
+            color_message, _ = self.colors[partner]
+            if partner == stamp_ns:
+                self.used.add(partner)
             self._check_registered(color_message, depth_message)
         color = None if color_message is None else messages.decode_color(color_message)
         depth_m = None if depth_message is None else messages.decode_depth(depth_message)
