@@ -306,7 +306,7 @@ def test_that_the_first_start_compiles_is_told_once_and_nothing_where_it_does_no
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("room_layout_ros.commands.compiling._is_kept", lambda _: kept)
+    monkeypatch.setattr("room_layout_ros.commands.compiling.is_compiled", lambda _: kept)
     name, *words = [word.replace("OUT", str(tmp_path / "out")) for word in command]
     assert main([name, str(two), *words]) == 0
     told = "compiling the estimator, which takes one to four minutes the first time; the next start is fast\n"

@@ -324,7 +324,7 @@ def test_the_time_of_a_frame_is_its_wall_time_and_of_a_node_only_the_stages_are_
 def test_that_the_first_start_compiles_is_told_once(
     board: Board, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, kept: bool
 ) -> None:
-    monkeypatch.setattr("room_layout_ros.commands.compiling._is_kept", lambda _: kept)
+    monkeypatch.setattr("room_layout_ros.commands.compiling.is_compiled", lambda _: kept)
     show_source(board, SyntheticSource(frames=2, seed=4), float("inf"))
     assert capsys.readouterr().err.count("compiling the estimator, ") == (not kept)
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator
-from pathlib import Path
 from typing import Any, TypeVar
 
 from room_layout_ros.core import conclusion, depth
 from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.kernel_cache import is_compiled
 from room_layout_ros.datasets import BadFrame
 
 _Item = TypeVar("_Item")
@@ -22,7 +22,7 @@ def tell_if_compiling(config: EstimatorConfig, rgb_only: bool = False) -> None:
     needed: list[Any] = [conclusion._paint_labels] if config.method == "joint" else []
     if config.use_depth and not rgb_only:
         needed.append(depth._cell_moments)
-    if not all(map(_is_kept, needed)):
+    if not all(map(is_compiled, needed)):
         told = "compiling the estimator, which takes one to four minutes the first time; the next start is fast"
         print(told, file=sys.stderr, flush=True)
 
@@ -35,12 +35,3 @@ def told_first(items: Iterable[_Item], config: EstimatorConfig, rgb_only: bool =
             tell_if_compiling(config, rgb_only)
             told = True
         yield item
-
-
-def _is_kept(kernel: Any) -> bool:
-    """Whether Numba has a kernel compiled for this Python on disk; so too where it compiles nothing at all."""
-    if not hasattr(kernel, "stats"):
-        return True
-    folder, source = kernel.stats.cache_path, Path(kernel.py_func.__code__.co_filename)
-    python = f"py{sys.version_info.major}{sys.version_info.minor}"
-    return folder is not None and any(Path(folder).glob(f"{source.stem}.{kernel.py_func.__name__}-*.{python}*.nbi"))

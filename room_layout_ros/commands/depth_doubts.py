@@ -15,8 +15,7 @@ from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.working_size import resize_frame
 from room_layout_ros.datasets import Sample
 from room_layout_ros.runtime.depth_scale import DepthScale, measure_scale
-from room_layout_ros.runtime.diagnosis import NodeFacts, diagnose
-from room_layout_ros.runtime.health import Health
+from room_layout_ros.runtime.diagnosis import depth_unit_question
 
 
 class DepthSeen(NamedTuple):
@@ -91,15 +90,9 @@ class DepthDoubts:
 
 
 def _unit_question(scales: list[DepthScale]) -> str:
-    """Ask for the unit of the depth where the node would, in its words; what cures it there is no option here."""
+    """Ask for the unit of the depth where the node would; what cures it there is no option here."""
     if not scales:
         return ""
     heights = [scale.camera_height_m for scale in scales if scale.camera_height_m is not None]
-    health = Health(
-        {},
-        scales=len(scales),
-        median_depth_m=median(scale.median_depth_m for scale in scales),
-        camera_height_m=median(heights) if heights else float("nan"),
-    )
-    asked = (finding.message for finding in diagnose(health, Health({}), NodeFacts({})) if finding.kind == "depth unit")
-    return next(asked, "").partition("; if it is,")[0]
+    depth_m = median(scale.median_depth_m for scale in scales)
+    return depth_unit_question(depth_m, median(heights) if heights else float("nan"))

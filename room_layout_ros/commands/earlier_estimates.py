@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
+from room_layout_ros.commands.output_folder import make_folder, remove_files
 from room_layout_ros.datasets import DataError
 
 LINES = "estimates.jsonl"
@@ -62,6 +63,14 @@ def earlier_files(
                     f"{path} is of no frame of an earlier {what}; choose another folder by --out, or empty this one"
                 )
     return sorted(file for file in files if file.exists())
+
+
+def replace_earlier(out: Path, earlier: Iterable[Path], suffixes: Mapping[str, str], overlay: bool) -> None:
+    """Make the folders of images, that of overlays if wanted, and remove the files of an earlier run."""
+    for kind in suffixes:
+        if overlay or kind != "overlay":
+            make_folder("--out", out / kind)
+    remove_files(earlier, () if overlay else (out / "overlay",))
 
 
 def _names(listing: Path, what: str) -> Iterator[str]:

@@ -28,7 +28,7 @@ from pathlib import Path
 from room_layout_ros.commands.compiling import told_first
 from room_layout_ros.commands.counts import add_work_arguments, count
 from room_layout_ros.commands.depth_doubts import DepthDoubts
-from room_layout_ros.commands.earlier_estimates import LINES, earlier_files, until_usable
+from room_layout_ros.commands.earlier_estimates import LINES, SUFFIXES, earlier_files, replace_earlier, until_usable
 from room_layout_ros.commands.estimate_frame import (
     FrameJob,
     FrameResult,
@@ -38,15 +38,13 @@ from room_layout_ros.commands.estimate_frame import (
 )
 from room_layout_ros.commands.interrupts import interrupts_between_items
 from room_layout_ros.commands.models_folder import add_models_argument, usable_models
-from room_layout_ros.commands.output_folder import held_alone, make_folder, refuse_frames, remove_files
+from room_layout_ros.commands.output_folder import held_alone, refuse_frames
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_recover_argument, add_topic_arguments, open_with_topics
 from room_layout_ros.datasets import BadFrame, DataError, FrameSource, Sample
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.datasets.readable import ReadablePart
 from room_layout_ros.parallel import map_ordered
-
-KINDS = ("layout", "labels", "furniture")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -84,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _estimate(arguments: argparse.Namespace, job: FrameJob, source: FrameSource) -> int:
     earlier = earlier_files(arguments.out)
-    begin = partial(_replace_earlier, arguments.out, earlier, arguments.overlay)
+    begin = partial(replace_earlier, arguments.out, earlier, SUFFIXES, arguments.overlay)
     doubts = DepthDoubts(job.config, job.rgb_only)
     work, items, written = partial(estimate_item, job), ReadablePart(source), _Written(arguments.out, doubts)
     length = source.length
@@ -106,12 +104,6 @@ def _estimate(arguments: argparse.Namespace, job: FrameJob, source: FrameSource)
     print(f"{source.title}: {written}", file=sys.stderr)
     doubts.tell()
     return 0
-
-
-def _replace_earlier(out: Path, earlier: list[Path], overlay: bool) -> None:
-    for kind in (*KINDS, "overlay") if overlay else KINDS:
-        make_folder("--out", out / kind)
-    remove_files(earlier, () if overlay else (out / "overlay",))
 
 
 @dataclass(slots=True)

@@ -21,8 +21,8 @@ from itertools import chain
 from pathlib import Path
 
 from room_layout_ros.commands.counts import add_work_arguments, real
-from room_layout_ros.commands.earlier_estimates import earlier_files, until_usable
-from room_layout_ros.commands.output_folder import held_alone, make_folder, refuse_frames, remove_files
+from room_layout_ros.commands.earlier_estimates import earlier_files, replace_earlier, until_usable
+from room_layout_ros.commands.output_folder import held_alone, refuse_frames
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import open_and_tell
 from room_layout_ros.datasets import DataError, FramesFolder, FrameSource
@@ -76,19 +76,13 @@ def _fit(arguments: argparse.Namespace, job: FitJob, source: FrameSource) -> int
     with progress_bar("fit", source.length) as progress:
         work, items = partial(fit_item, job), frames_apart(source)
         results = map_ordered(work, items, arguments.jobs, arguments.scheduler, progress, lost_result)
-        lines = _write(out, results, partial(_replace_earlier, out, earlier, job.overlay))
+        lines = _write(out, results, partial(replace_earlier, out, earlier, SUFFIXES, job.overlay))
     if not lines:
         raise DataError(f"{source.title} holds no frame")
     if all("error" in line for line in lines):
         raise DataError(f"{source.title}: none of {len(lines)} frames could be fitted; {_first_error(lines)}")
     print(_summary(source, lines, out), file=sys.stderr)
     return 0
-
-
-def _replace_earlier(out: Path, earlier: list[Path], overlay: bool) -> None:
-    for kind in ("layout", "rejected", *(["overlay"] if overlay else [])):
-        make_folder("--out", out / kind)
-    remove_files(earlier, () if overlay else (out / "overlay",))
 
 
 def _write(out: Path, results: Iterator[FitResult], begin: Callable[[], None]) -> list[dict[str, object]]:

@@ -9,8 +9,10 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 STAMPS = "kernels.json"
 """In the `__pycache__` of the package: what each file's compiled kernels were made of."""
@@ -48,6 +50,15 @@ def drop_stale_kernels(package: Path) -> list[Path]:
     except OSError:
         return []
     return changed
+
+
+def is_compiled(kernel: Any) -> bool:
+    """Whether Numba has a kernel compiled for this Python on disk; so too where it compiles nothing at all."""
+    if not hasattr(kernel, "stats"):
+        return True
+    folder, source = kernel.stats.cache_path, Path(kernel.py_func.__code__.co_filename)
+    python = f"py{sys.version_info.major}{sys.version_info.minor}"
+    return folder is not None and any(Path(folder).glob(f"{source.stem}.{kernel.py_func.__name__}-*.{python}*.nbi"))
 
 
 def _stamps(package: Path) -> dict[str, str]:

@@ -109,10 +109,9 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
     above_floor = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
     closer, side = np.float32(0.5 * corner[2]), np.float32(corner[2])
     follows, columns = np.zeros(width, np.uint8), np.zeros((width, 9))
-    wide_px = np.float32(intrinsics[0] * _WIDE_M)
     for v in range(height - 1, -1, -1):
         ax0, ax1, ay0, ay1, az0, az1 = pixel_rays(T, intrinsics, v)
-        joined = -1, _DEEP_M
+        begin = end = -1  # of what is joined with the last pixel whose width was asked
         down = T[1, 0] / intrinsics[1], T[1, 1] / intrinsics[1], T[1, 2] / intrinsics[1]  # from a pixel to that below
         for u in range(width):
             what = kind[v, u]
@@ -124,12 +123,15 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
             goes_on &= follows[u] in (_PIXEL, _THING) and abs(w - column[_LAST]) < closer * w * column[_LAST]
             thing, lost = what == OBSTACLE_PIXEL or goes_on, w <= 0.0 or what == FLYING_PIXEL
             if goes_on and column[_LOWEST] >= _HANGS_M:
-                if v % _ROWS == 0 and column[_WIDE] == 0.0:
-                    column[_WIDE] = _is_wide(inverse[v], kind[v], u, side, wide_px)
-                if column[_DEEP] == 0.0:
-                    if u > joined[0]:
-                        joined = _how_deep(inverse[v], kind[v], u, side, wide_px / _WIDE_M)
-                    column[_DEEP] = joined[1]
+                look_wide = v % _ROWS == 0 and column[_WIDE] == 0.0
+                if look_wide or column[_DEEP] == 0.0:
+                    if u > end:
+                        begin, end = _joined(inverse[v], kind[v], u, side)
+                    wide_m = (end - begin + 1) / (intrinsics[0] * w)
+                    if look_wide:
+                        column[_WIDE] = _is_wide(wide_m, begin, end, width)
+                    if column[_DEEP] == 0.0:
+                        column[_DEEP] = _how_deep(wide_m)
             if goes_on and (cell[v, u] < 0 or not free[cell[v, u]]):
                 column[_LAST], follows[u] = w, _THING
                 continue
@@ -157,39 +159,38 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
 
 
 @njit(cache=True, nogil=True)
-def _is_wide(inverse, kind, u, step_m, wide_px):  # type: ignore[no-untyped-def]
-    """Whether the thing at a pixel of a row is wide there; cut off by a side of the picture, it may be twice as wide.
+def _joined(inverse, kind, u, step_m):  # type: ignore[no-untyped-def]
+    """First and last column of what is joined with a pixel of a thing in its row.
 
-    `step_m` : by how much neighbours of one thing may differ in depth, m. `wide_px` : width in pixels at 1 m.
+    `step_m` : by how much neighbours of one thing may differ in depth, m.
     """
-    pixels, enough = 1, wide_px * inverse[u]
-    for step in (-1, 1):
-        k = u + step
-        while 0 <= k < len(inverse) and kind[k] == OBSTACLE_PIXEL and pixels < enough:
-            before = inverse[k - step]
-            if abs(inverse[k] - before) >= step_m * before * inverse[k]:
-                break
-            pixels += 1
-            k += step
-        if k in (-1, len(inverse)):
-            enough *= _CUT_OFF
-    return pixels >= enough
-
-
-@njit(cache=True, nogil=True)
-def _how_deep(inverse, kind, u, step_m, focal_px):  # type: ignore[no-untyped-def]
-    """Last column of what is joined with a pixel of a row, and how far a level thing with that edge may go on, m."""
-    first = last = u
-    for step in (-1, 1):
+    ends = [u, u]
+    for side, step in enumerate((-1, 1)):
         k = u + step
         while 0 <= k < len(inverse) and kind[k] == OBSTACLE_PIXEL:
             before = inverse[k - step]
             if abs(inverse[k] - before) >= step_m * before * inverse[k]:
                 break
-            first, last = min(first, k), max(last, k)
+            ends[side] = k
             k += step
-    wide_m = (last - first + 1) / (focal_px * inverse[u])
-    return last, max(_DEEP_M, _TIMES_WIDE * wide_m) if _NARROW_M <= wide_m <= _END_M else _DEEP_M
+    return ends[0], ends[1]
+
+
+@njit(cache=True, nogil=True)
+def _is_wide(wide_m, first, last, width):  # type: ignore[no-untyped-def]
+    """Whether a thing is wide; cut off by a side of a picture of that width, it may be twice as wide."""
+    enough = _WIDE_M
+    if first == 0:
+        enough *= _CUT_OFF
+    if last == width - 1:
+        enough *= _CUT_OFF
+    return wide_m >= enough
+
+
+@njit(cache=True, nogil=True)
+def _how_deep(wide_m):  # type: ignore[no-untyped-def]
+    """How far a level thing may go on behind an edge of that width, m."""
+    return max(_DEEP_M, _TIMES_WIDE * wide_m) if _NARROW_M <= wide_m <= _END_M else _DEEP_M
 
 
 @njit(cache=True, nogil=True)

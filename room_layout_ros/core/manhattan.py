@@ -121,7 +121,7 @@ def estimate_manhattan_frame(
     lines, lengths = (None, None) if segments is None else _interpretation(segments, geometry)
     starts = _candidates(cells.normal, weight, gravity, lines, lengths) if prior is None else [prior]
     scored = sorted(((_score(R, cells.normal, weight, _BANDWIDTH), i) for i, R in enumerate(starts)), reverse=True)
-    if prior is not None and (scored[0][0] < 0.5 or _is_left(prior, cells.normal, weight)):
+    if prior is not None and (scored[0][0] < 0.5 or _is_left(prior, scored[0][0], cells.normal, weight)):
         return estimate_manhattan_frame(geometry, segments, None, gravity)
     refined: list[tuple[float, NDArray[np.float64]]] = []
     small = fit_cell_planes(geometry, radius=1)
@@ -134,17 +134,19 @@ def estimate_manhattan_frame(
     return ManhattanFrame(refined[0][1], float(refined[0][0]), tuple(hypotheses))
 
 
-def _is_left(prior: NDArray[np.float64], normals: NDArray[np.float64], weight: NDArray[np.float64]) -> bool:
+def _is_left(
+    prior: NDArray[np.float64], score: float, normals: NDArray[np.float64], weight: NDArray[np.float64]
+) -> bool:
     """Whether the normals speak for another turn about the axis of the prior that they hold best.
 
-    Floor and ceiling alone explain half of them whatever the turn: it would stay wrong for many frames.
+    Floor and ceiling alone explain half of them whatever the turn: it would stay wrong for many frames. `score` : the
+    prior's.
     """
     on_axis = weight @ (np.abs(normals @ prior.T) > np.cos(_KERNEL_RAD))
     basis = _complete(prior[int(np.argmax(on_axis))])
-    least = _score(prior, normals, weight, _BANDWIDTH) + _BETTER
     turned = (_turned(basis, angle) for angle in _azimuths(normals, weight, basis))
     return any(
-        angle_between_axes(R, prior) > _SAME_FRAME_RAD and _score(R, normals, weight, _BANDWIDTH) > least
+        angle_between_axes(R, prior) > _SAME_FRAME_RAD and _score(R, normals, weight, _BANDWIDTH) > score + _BETTER
         for R in turned
     )
 

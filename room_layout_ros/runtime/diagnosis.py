@@ -227,9 +227,9 @@ def _estimates_state(health: Health, before: Health, facts: NodeFacts) -> _Said:
     if any(bad.values()):
         words = f"{sum(bad.values())} frames dropped: {health.last_drop}"
         return _Said(Level.ERROR, words, "frames dropped", logged=True)
-    doubt = _depth_doubt(health, facts) if health.scales > before.scales else ""
-    if doubt:
-        return _Said(Level.WARN, doubt, "depth unit")
+    question = _unit_question(health, facts) if health.scales > before.scales else ""
+    if question:
+        return _Said(Level.WARN, question, "depth unit")
     published = health.published - before.published
     empty = {s: n - before.no_estimate.get(s, 0) for s, n in health.no_estimate.items()}
     if any(empty.values()):
@@ -255,19 +255,31 @@ _HIGHEST_M, _LOWEST_M, _FARTHEST_M = 3.5, 0.15, 12.0
 another unit than that of its encoding."""
 
 
-def _depth_doubt(health: Health, facts: NodeFacts) -> str:
-    """Return the question whether depth has the right unit, "" where it looks right."""
-    height, depth = health.camera_height_m, health.median_depth_m
-    height_given = facts.floor in _GIVES_HEIGHT and not facts.no_height
-    strange = not height_given and (height > _HIGHEST_M or height < _LOWEST_M)
-    if not (strange or depth > _FARTHEST_M):
+def _unit_question(health: Health, facts: NodeFacts) -> str:
+    """Return the question whether depth has the right unit, and what answers it; "" where it looks right."""
+    given = facts.floor in _GIVES_HEIGHT and not facts.no_height
+    question = depth_unit_question(health.median_depth_m, health.camera_height_m, given)
+    cure = "; if it is, give the camera's height by TF or pose_source: parameters"
+    return f"{question}{cure}" if question and not given and _is_strange(health.camera_height_m) else question
+
+
+def depth_unit_question(median_depth_m: float, camera_height_m: float, height_given: bool = False) -> str:
+    """Ask whether the depth has the right unit where the room looks too large or too small by it; "" where it does not.
+
+    A height (NaN where it is not known) that was given, not measured, tells nothing.
+    """
+    strange = not height_given and _is_strange(camera_height_m)
+    if not (strange or median_depth_m > _FARTHEST_M):
         return ""
-    camera = "" if isnan(height) else f"a camera {height:.2f} m above the floor and "
-    cure = "; if it is, give the camera's height by TF or pose_source: parameters" if strange else ""
+    camera = "" if isnan(camera_height_m) else f"a camera {camera_height_m:.2f} m above the floor and "
     return (
-        f"is the depth unit right for {camera}a median depth of {depth:.2f} m? "
-        f"16 bit must be millimetres, float metres{cure}"
+        f"is the depth unit right for {camera}a median depth of {median_depth_m:.2f} m? "
+        "16 bit must be millimetres, float metres"
     )
+
+
+def _is_strange(camera_height_m: float) -> bool:
+    return camera_height_m > _HIGHEST_M or camera_height_m < _LOWEST_M
 
 
 _GIVES_HEIGHT = ("tf", "imu", "parameters")
