@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from room_layout_ros.decoding.text import MAX_SHOWN, clean_text
+from room_layout_ros.decoding.text import MAX_NAME, MAX_SHOWN, clean_text
 
-__all__ = ["MAX_SHOWN", "clean_text"]
+__all__ = ["MAX_NAME", "MAX_SHOWN", "clean_text"]

@@ -10,7 +10,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from msg_adapters.text import clean_text
+from msg_adapters.text import MAX_NAME, clean_text
 
 from .core.config import Parameter, Value, nearest_name, parameters
 from .node_config import TABLES
@@ -22,7 +22,6 @@ _OF_ROS = ("qos_overrides.",)
 
 _FLOATS = {row.name for _, table in TABLES for row in parameters(table) if type(row.default) is float}
 _INT_MAX = 2**31 - 1
-_LONGEST_NAME = 120
 
 
 def describe(parameter: Parameter) -> ParameterDescriptor:
@@ -100,7 +99,7 @@ def unknown_overrides(node: Node, known: Iterable[str]) -> Iterator[str]:
     for name in sorted(node._parameter_overrides):
         if name.startswith(_OF_ROS) and name not in names and not node.has_parameter(name):
             hint = nearest_name(name, names, "docs/parameters.md says what may stand there")
-            yield f"{clean_text(name, _LONGEST_NAME)} changes nothing: it is of no topic or policy of this node; {hint}"
+            yield f"{clean_text(name, MAX_NAME)} changes nothing: it is of no topic or policy of this node; {hint}"
 
 
 def read(node: Node, table: type[Table]) -> Table:

@@ -12,7 +12,7 @@ import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.qos_overriding_options import InvalidQosOverridesError
 
-from msg_adapters.text import clean_text
+from msg_adapters.text import MAX_NAME, clean_text
 
 from .core.config import nearest_name
 from .ros_arguments import is_meant, node_names, options
@@ -67,7 +67,6 @@ _OF_EVERY_NODE = (
         "transition_event",
     )),
 )  # fmt: skip
-_LONGEST_NAME = 120
 
 
 def unknown_remaps(node: Any, args: Sequence[str], topics: Iterable[str]) -> Iterator[str]:
@@ -92,7 +91,7 @@ def unknown_remaps(node: Any, args: Sequence[str], topics: Iterable[str]) -> Ite
             continue
         if node.resolve_topic_name(left, only_expand=True) not in expanded:
             hint = nearest_name(left, [*known, *sorted(expanded)], "docs/topics.md has all of them")
-            yield f"-r {clean_text(rule, _LONGEST_NAME)} changes nothing: no topic or service of this node; {hint}"
+            yield f"-r {clean_text(rule, MAX_NAME)} changes nothing: no topic or service of this node; {hint}"
 
 
 def idle_files(node: Any, args: Sequence[str]) -> Iterator[str]:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import cv2
 
-from room_layout_ros.commands.counts import count
+from room_layout_ros.commands.counts import add_jobs_argument, count
 from room_layout_ros.commands.evaluate import subset_names
 from room_layout_ros.commands.output_folder import make_folder, named_when_full
 from room_layout_ros.commands.progress import progress_bar
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plain", action="store_true", help="for operation without the scene network")
     parser.add_argument("--hold-out", metavar="SUBSET", help="list of splits.json, file or names never to use")
     parser.add_argument("--frames", type=count, metavar="N", help="use at most so many frames, evenly spread")
-    parser.add_argument("--jobs", type=count, default=1, metavar="N", help="local processes (default %(default)s)")
+    add_jobs_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

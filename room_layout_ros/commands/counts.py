@@ -46,7 +46,12 @@ seed = whole(0)
 """Of an option that seeds a generator."""
 
 
+def add_jobs_argument(parser: argparse.ArgumentParser) -> None:
+    """Add the option that says how many processes of this machine work."""
+    parser.add_argument("--jobs", type=count, default=1, metavar="N", help="local processes (default %(default)s)")
+
+
 def add_work_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options that say where the work is done."""
-    parser.add_argument("--jobs", type=count, default=1, metavar="N", help="local processes (default %(default)s)")
+    add_jobs_argument(parser)
     parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler, tcp://host:port, instead of --jobs")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 MAX_SHOWN = 40
+MAX_NAME = 120
+"""Of a ROS name: a full topic name with its namespaces is shown whole."""
 _MAX_READ = 4 * MAX_SHOWN
 
 
