@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from room_layout_ros.core.estimate import RoomEstimate
-from room_layout_ros.datasets.sample import FrameTruth
-from room_layout_ros.evaluation.geometry import plane_errors
-from room_layout_ros.evaluation.measures import best_wall_names, confusion
+from room_layout_ros.datasets import Sample
+from room_layout_ros.evaluation.room_scores import planes_by_name
 
 
 @dataclass
@@ -19,12 +18,12 @@ class Planes:
     offsets_m: list[float] = field(default_factory=list)
     angles_deg: list[float] = field(default_factory=list)
 
-    def add(self, truth: FrameTruth, estimate: RoomEstimate) -> None:
+    def add(self, sample: Sample, estimate: RoomEstimate) -> None:
         """Add those of a frame; none where the truth or the estimate has no room."""
-        if truth.cuboid is None or estimate.cuboid is None or truth.layout is None:
+        truth = None if sample.truth is None else sample.truth.cuboid
+        if truth is None or estimate.cuboid is None:
             return
-        names = best_wall_names(confusion(truth.layout, estimate.layout))
-        errors = plane_errors(truth.cuboid, estimate.cuboid, names)
+        errors = planes_by_name(truth, estimate.cuboid, sample.frame.camera, estimate.layout)
         seen = np.isfinite(errors.offset_m)
         self.offsets_m += errors.offset_m[seen].tolist()
         self.angles_deg += errors.angle_deg[seen].tolist()

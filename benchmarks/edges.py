@@ -52,8 +52,7 @@ def main(rooms: int = ROOMS, first: int = FIRST) -> int:
         planes = [Planes(), Planes()]
         for _, sample in random_views(range(first, first + rooms), STREAM, noise):
             for way, found in zip(ways, planes, strict=True):
-                assert sample.truth is not None
-                found.add(sample.truth, way.estimate(sample.frame))
+                found.add(sample, way.estimate(sample.frame))
         for title, found in zip(("without", "with"), planes, strict=True):
             offset_cm, angle_deg, within = found.columns()
             print(f"{noise:<10}{title:<9}{offset_cm:>10.2f}{angle_deg:>8.2f}{within:>8.0f}", flush=True)

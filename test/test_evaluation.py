@@ -110,6 +110,68 @@ def test_table_and_summary_state_the_same_means() -> None:
     assert summary["layout_error"] == pytest.approx(float(np.mean(scores[0].layout_errors)), abs=1e-6)
 
 
+SWAPPED = np.array([0, 1, 2, 4, 3, 5, 6], np.uint8)
+"""Left called front and front called left."""
+
+
+def swapped_walls(sample: Sample) -> Prediction:
+    assert sample.truth is not None
+    assert sample.truth.layout is not None
+    assert sample.truth.labels is not None
+    return Prediction(SWAPPED[sample.truth.layout], SWAPPED[sample.truth.labels])
+
+
+def test_each_measure_is_told_with_the_walls_permuted_and_with_the_names_as_they_are() -> None:
+    """Two frames: in the first the walls have other names, in the second all is right."""
+
+    def method(sample: Sample) -> Prediction:
+        return swapped_walls(sample) if sample.name == "a" else perfect(sample)
+
+    score = run("swapped", method, [room_sample("a"), room_sample("b")])
+    summary = json.loads(tables.summary_json([score], {}))["methods"]["swapped"]
+    layout = ROOM.raster(CAMERA)
+    wrong = float(np.isin(layout, (3, 4)).mean())
+    left, front = (np.count_nonzero(layout == wall) for wall in (3, 4))
+    # Each wall is right in one frame; its union with what is called so is that, and both walls of the other frame
+    expected = [1, 1, left / (2 * left + front), front / (2 * front + left), 1]
+    assert (summary["layout_error"], summary["labelling_error"], summary["mean_iou"]) == (0, 0, 1)
+    for name in ("layout_error_fixed_names", "labelling_error_fixed_names"):
+        assert summary[name] == pytest.approx(wrong / 2, abs=1e-6)
+    assert summary["mean_iou_fixed_names"] == pytest.approx(np.mean(expected), abs=1e-6)
+    by_label = [value for value in summary["iou_fixed_names"].values() if value is not None]
+    assert by_label == pytest.approx(expected, abs=1e-6)
+    low, high = summary["interval_95"]["mean_iou_fixed_names"]
+    assert low < summary["mean_iou_fixed_names"] < high
+    first = next(csv.DictReader(line for line in tables.frames_csv([score]).splitlines()))
+    assert first["frame"] == "a"
+    assert float(first["frame_mean_iou"]) == 1
+    assert float(first["frame_mean_iou_fixed_names"]) == pytest.approx(3 / 5)  # ceiling, floor and right wall
+
+
+def perfect(sample: Sample) -> Prediction:
+    assert sample.truth is not None
+    assert sample.truth.layout is not None
+    assert sample.truth.labels is not None
+    return Prediction(sample.truth.layout, sample.truth.labels)
+
+
+def test_the_table_has_the_papers_numbers_beside_ours_of_fixed_names() -> None:
+    lines = tables.text_table([run("swapped", swapped_walls, [room_sample("a")])]).splitlines()
+    layout = ROOM.raster(CAMERA)
+    wrong = f"{100 * np.isin(layout, (3, 4)).mean():.2f}"
+    ours, paper = (next(line for line in lines if line.startswith(title)) for title in ("swapped", "paper, RGB-D"))
+    assert re.split(r"\s{2,}", ours)[1:7] == [
+        *("0.00 (0.0-0.0)", wrong),
+        *("0.00 (0.0-0.0)", wrong),
+        *("100.00 (100.0-100.0)", "60.00"),
+    ]
+    assert re.sub(r"\s+", " ", lines[0]) == " layout % fixed labelling % fixed mean IoU fixed corner % ms none"
+    for number, of_ours in (("8.04", wrong), ("13.65", wrong), ("76.67", "60.00")):
+        assert paper.index(number) + len(number) in [m.end() for m in re.finditer(of_ours, ours)]
+    start = lines.index("wall names as they are:")
+    assert lines[start + 1].split() == ["swapped", "100.00", "100.00", "0.00", "0.00", "100.00", "-"]
+
+
 def test_columns_stay_apart_whatever_is_in_them() -> None:
     def nothing(sample: Sample) -> Prediction:
         return Prediction.nothing(sample.frame.camera, "no room", 123456.0)
@@ -186,6 +248,20 @@ def test_evaluate_prints_ours_beside_the_paper(rendered: Run) -> None:
     assert rendered.methods["ours, RGB-D"]["layout_error"] < 0.1  # noise-free rooms
 
 
+def test_the_page_tells_each_measure_with_the_names_as_they_are_too(rendered: Run) -> None:
+    ours = rendered.methods["ours, RGB-D"]
+    cards = rendered.page.split("class='cards'")[1].split("<h2>")[0]
+    fixed = [ours[f"{name}_fixed_names"] for name in ("layout_error", "labelling_error", "mean_iou")]
+    assert re.findall(r"wall names as they are ([\d.]+)", cards) == [f"{100 * value:.2f}" for value in fixed]
+    table = rendered.section("Intersection over union per class (Table 4)")
+    names_as_they_are = table.split("<th>IoU %, fixed names</th>")[1]
+    assert f">{100 * fixed[2]:.2f} (" in names_as_they_are.split(">ours, RGB-D<")[1].split("</tr>")[0]
+    assert table.count("paper, RGB-D") == names_as_they_are.count("paper, RGB-D") == 1
+    errors = rendered.section("Layout and labelling error (paper, Table 2)")
+    assert errors.split("</tr>")[0].count("fixed names") == 2
+    assert "<td>paper, RGB-D</td><td></td><td>8.04</td><td></td><td>13.65</td>" in errors
+
+
 def test_the_page_shows_every_frame_and_needs_nothing_from_outside(rendered: Run) -> None:
     page = rendered.page
     assert all(f"<b>{i:06d}</b>" in page for i in range(N_FRAMES))
@@ -196,7 +272,9 @@ def test_the_page_shows_every_frame_and_needs_nothing_from_outside(rendered: Run
 METHODS = 5
 TABLES = {
     "Layout and labelling error (paper, Table 2)": METHODS + 5,
-    "Intersection over union per class (Table 4)": METHODS + 2,
+    "Intersection over union per class (Table 4)": 2 * METHODS
+    + 2
+    + 1,  # walls permuted, names as they are with a heading row
     "Furniture (Table 5)": 2,
     "Superpixels (Table 3)": 2 * 13 + 1,  # two truths, each with a heading row
     "The room in 3-D": METHODS - 1,  # the constant layout has no room
@@ -259,6 +337,8 @@ def test_the_figure_over_c_has_a_point_for_each_row_of_the_file(rendered: Run) -
     whole, less = (figures.robustness_to_c(curve).count("<use ") for curve in (rendered.curve, one_less))
     assert whole - less == 3  # a marker in each of the three drawings
     assert "two folds" in section
+    assert "judged on the other, no cross-validation" in " ".join(section.split())
+    assert "discrete solution, before its refinement, and without the scene network" in " ".join(section.split())
 
 
 def test_a_row_of_figure_5_shows_evidence_depth_truth_and_estimate(rendered: Run) -> None:

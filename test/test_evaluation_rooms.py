@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks._planes import Planes
 from room_layout_ros.cli import main as room_layout
 from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.estimate import Status, no_estimate
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, FreeSpace
 from room_layout_ros.core.layout import RoomCuboid
@@ -23,11 +25,10 @@ from room_layout_ros.evaluation.compare import EstimatorMethod
 from room_layout_ros.evaluation.floor_truth import called_free, truly_free
 from room_layout_ros.evaluation.prediction import Prediction
 from room_layout_ros.evaluation.room_scores import score_room
-from room_layout_ros.evaluation.scores import ROOM_FIGURES, FrameScore, run
+from room_layout_ros.evaluation.scores import ROOM_FIGURES, FrameScore, run, score_frame
 
 CAMERA = CameraIntrinsics(160, 120, 130.0, 130.0, 79.5, 59.5)
 ROOM = RoomCuboid(np.eye(3), np.array([1.0, 1.2, 1.5, 3.0, np.inf]))
-AS_THEY_ARE = tuple(range(7))
 
 
 def sample_of(room: RoomCuboid | None) -> Sample:
@@ -46,7 +47,7 @@ def turned(degrees: float, distances: list[float]) -> RoomCuboid:
 
 
 def test_the_true_room_has_no_error() -> None:
-    score = score_room(sample_of(ROOM), prediction_of(ROOM), AS_THEY_ARE)
+    score = score_room(sample_of(ROOM), prediction_of(ROOM))
     assert (score.plane_offset_m, score.plane_angle_deg, score.planes_found) == (0, 0, 1)
     assert score.axes_error_deg == pytest.approx(0, abs=1e-5)
     assert score.room_iou == pytest.approx(1)
@@ -55,7 +56,7 @@ def test_the_true_room_has_no_error() -> None:
 def test_offsets_and_angles_are_means_over_the_planes_that_both_have() -> None:
     # Offsets 0.1, 0 and 0.3 of ceiling, floor and front; the left wall is missing, a right one was invented.
     room = turned(6, [1.1, 1.2, np.inf, 3.3, 2.0])
-    score = score_room(sample_of(ROOM), prediction_of(room), AS_THEY_ARE)
+    score = score_room(sample_of(ROOM), prediction_of(room))
     assert score.plane_offset_m == pytest.approx(0.4 / 3)
     assert score.plane_angle_deg == pytest.approx(6 / 3)
     assert score.planes_found == pytest.approx(3 / 4)
@@ -64,21 +65,42 @@ def test_offsets_and_angles_are_means_over_the_planes_that_both_have() -> None:
 
 
 def test_a_room_without_scale_is_scored_in_degrees_only() -> None:
-    score = score_room(
-        sample_of(ROOM), prediction_of(turned(6, [0.4, 0.4, 0.5, 1.0, np.inf]), metric=False), AS_THEY_ARE
-    )
+    score = score_room(sample_of(ROOM), prediction_of(turned(6, [0.4, 0.4, 0.5, 1.0, np.inf]), metric=False))
     assert np.isnan([score.plane_offset_m, score.room_iou]).all()
     assert score.plane_angle_deg == pytest.approx(6 / 2)
     assert score.planes_found == 1
 
 
 def test_a_failed_frame_has_found_nothing_but_a_method_without_rooms_is_not_blamed() -> None:
-    failed = score_room(sample_of(ROOM), prediction_of(None, "no room in view"), AS_THEY_ARE)
+    failed = score_room(sample_of(ROOM), prediction_of(None, "no room in view"))
     assert (failed.planes_found, failed.room_iou) == (0, 0)
-    silent = score_room(sample_of(ROOM), prediction_of(None), AS_THEY_ARE)
+    silent = score_room(sample_of(ROOM), prediction_of(None))
     assert np.isnan([silent.planes_found, silent.room_iou]).all()
-    unknown = score_room(sample_of(None), prediction_of(ROOM), AS_THEY_ARE)
+    unknown = score_room(sample_of(None), prediction_of(ROOM))
     assert np.isnan([unknown.planes_found, unknown.axes_error_deg]).all()
+
+
+def test_planes_have_the_wall_names_of_the_true_room_and_not_of_a_layout_drawn_otherwise() -> None:
+    """Whoever drew the layout called the left wall front, the front one right; the fitted room has names of its own."""
+    drawn = np.array([0, 1, 2, 4, 5, 3], np.uint8)[ROOM.raster(CAMERA)]
+    sample = replace(sample_of(ROOM), truth=FrameTruth(drawn, cuboid=ROOM))
+    same_with_other_names = turned(-90, [1.0, 1.2, np.inf, 1.5, 3.0])
+    for room in (ROOM, same_with_other_names):
+        found = replace(prediction_of(room), layout=room.raster(CAMERA))
+        score = score_frame(sample, found)
+        assert score.pixels.layout_error == 0
+        assert score.room.planes_found == 1
+        assert score.room.plane_offset_m == pytest.approx(0)
+        assert score.room.plane_angle_deg == pytest.approx(0, abs=1e-5)
+
+
+def test_the_benchmarks_planes_have_these_names_too() -> None:
+    drawn = np.array([0, 1, 2, 4, 5, 3], np.uint8)[ROOM.raster(CAMERA)]
+    sample = replace(sample_of(ROOM), truth=FrameTruth(drawn, cuboid=ROOM))
+    planes, nothing = Planes(), no_estimate(Status.OK, sample.frame, {})
+    planes.add(sample, replace(nothing, cuboid=ROOM, layout=ROOM.raster(CAMERA)))
+    assert planes.offsets_m == [0, 0, 0, 0]
+    assert planes.angles_deg == pytest.approx([0, 0, 0, 0], abs=1e-5)
 
 
 def free_space(grid: np.ndarray, origin_m: tuple[float, float], size: float) -> FreeSpace:

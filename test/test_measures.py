@@ -42,6 +42,9 @@ def test_errors_equal_the_naive_ones(seed: int) -> None:
     assert score.labelling_error_fixed == pytest.approx(naive_error(labels, labels_estimate))
     renamed = naive_renamed(labels_estimate, score.wall_names[3:6])
     assert score.labelling_error == pytest.approx(naive_error(labels, renamed))
+    for counts, compared in ((score.labels_confusion, renamed), (score.labels_confusion_fixed, labels_estimate)):
+        expected = [naive_iou([labels], [compared], label) for label in range(1, 7)]
+        np.testing.assert_allclose(measures.iou_per_class(counts), expected)
 
 
 def test_renamed_walls_cost_the_fixed_error_only() -> None:

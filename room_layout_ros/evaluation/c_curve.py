@@ -4,7 +4,8 @@
      "rgb":  [{"C": 100, "layout": 21.0, "labelling": 22.4, "mean_iou": 57.0}, ...],
      "about": {"rgbd": "...", "rgb": "..."}}
 
-Percent, cross-validated on frames never trained on. Either list may be missing: both kinds are learned apart. A point
+Percent, of the discrete solution: learned on one half of the frames, judged on the other, where it has seen no frame.
+Either list may be missing: both kinds are learned apart. A point
 may have the `objective` of its learning and the `gap` above the lower bound: where that is wide, the learning was ended
 long before the weights of that C were found.
 """

@@ -80,7 +80,8 @@ class PixelScore:
         permuted to the best fit.
     labelling_error_fixed, labelling_error : the same of the labelled pixels, walls permuted as the layout's.
         NaN without a true labelling.
-    layout_confusion, labels_confusion : (7, 7) counts after the renaming. wall_names : the renaming.
+    layout_confusion, labels_confusion : (7, 7) counts after the renaming. labels_confusion_fixed : before it.
+    wall_names : the renaming.
     """
 
     layout_error_fixed: float
@@ -89,6 +90,7 @@ class PixelScore:
     labelling_error: float
     layout_confusion: Confusion
     labels_confusion: Confusion
+    labels_confusion_fixed: Confusion
     wall_names: tuple[int, ...]
 
 
@@ -118,6 +120,7 @@ def score_pixels(
         labelling_error=error(labels_named),
         layout_confusion=layout_named,
         labels_confusion=labels_named,
+        labels_confusion_fixed=label_counts,
         wall_names=names,
     )
 

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from room_layout_ros.core.frame import CameraIntrinsics
+from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.datasets import Sample
 
 from .floor_truth import truly_free
-from .geometry import axes_error_deg, grid_iou, plane_errors, room_iou
+from .geometry import PlaneErrors, axes_error_deg, grid_iou, plane_errors, room_iou
+from .measures import best_wall_names, confusion
 from .prediction import Prediction
 
 NAN = float("nan")
@@ -35,8 +38,8 @@ class RoomScore:
     free_space_iou: float = NAN
 
 
-def score_room(sample: Sample, prediction: Prediction, wall_names: tuple[int, ...]) -> RoomScore:
-    """Compare with the true cuboid and the true floor; the estimate's walls are renamed as its layout's.
+def score_room(sample: Sample, prediction: Prediction) -> RoomScore:
+    """Compare with the true cuboid and the true floor, planes under the wall names that fit the true cuboid best.
 
     A method that failed on the frame has found no plane and an IoU of 0: leaving the frame out would better the mean.
     """
@@ -46,7 +49,7 @@ def score_room(sample: Sample, prediction: Prediction, wall_names: tuple[int, ..
         return RoomScore(free_space_iou=free)
     if room is None:
         return RoomScore(planes_found=0.0, room_iou=0.0, free_space_iou=free)
-    errors = plane_errors(truth, room, wall_names)
+    errors = planes_by_name(truth, room, sample.frame.camera, prediction.layout)
     both = np.isfinite(errors.angle_deg)
     metric = prediction.metric
     return RoomScore(
@@ -57,6 +60,22 @@ def score_room(sample: Sample, prediction: Prediction, wall_names: tuple[int, ..
         room_iou=room_iou(truth, room, sample.frame.camera) if metric else NAN,
         free_space_iou=free,
     )
+
+
+def planes_by_name(
+    truth: RoomCuboid, room: RoomCuboid, camera: CameraIntrinsics, layout: NDArray[np.uint8]
+) -> PlaneErrors:
+    """Compare the planes of two rooms, the estimate's walls renamed as its layout fits the picture of the true room.
+
+    A layout drawn by hand cannot give these names: a room fitted to the same frame has names of its own.
+
+    Parameters
+    ----------
+    truth, room : RoomCuboid
+        The true room and the estimated one, of the same camera.
+    layout : (H, W) uint8 of the estimate.
+    """
+    return plane_errors(truth, room, best_wall_names(confusion(truth.raster(camera), layout)))
 
 
 def _free_space_iou(sample: Sample, called: NDArray[np.bool_] | None) -> float:

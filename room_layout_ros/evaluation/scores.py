@@ -63,6 +63,9 @@ PER_FRAME: Mapping[str, Callable[[FrameScore], float]] = {
 }
 """What a frame has one number of; the figure of a set is its mean over the frames that have it."""
 
+FIXED = "_fixed_names"
+"""End of the name of a figure with the wall names as they are; those without it have them permuted to the best fit."""
+
 ROOM_FIGURES = tuple(PER_FRAME)[5:]
 """Those in three dimensions."""
 
@@ -104,8 +107,13 @@ class SetScore:
 
     @property
     def confusions(self) -> NDArray[np.int64]:
-        """(n, 7, 7) of the labelling."""
+        """(n, 7, 7) of the labelling, walls permuted as the layout's."""
         return np.array([frame.pixels.labels_confusion for frame in self.frames])
+
+    @property
+    def confusions_fixed(self) -> NDArray[np.int64]:
+        """(n, 7, 7) of the labelling, wall names as they are."""
+        return np.array([frame.pixels.labels_confusion_fixed for frame in self.frames])
 
     @property
     def milliseconds(self) -> float:
@@ -117,11 +125,13 @@ class SetScore:
     def figures(self) -> Mapping[str, Figure]:
         """Every number of the set by name.
 
-        `PER_FRAME`; mean_iou and iou.LABEL as PASCAL; mean_furniture_iou and furniture_iou.NYU40 likewise;
+        `PER_FRAME`; mean_iou and iou.LABEL as PASCAL, walls permuted; mean_iou_fixed_names and
+        iou_fixed_names.LABEL with the names as they are; mean_furniture_iou and furniture_iou.NYU40 likewise;
         frame_ece and face_ece, the calibration errors.
         """
         found = {name: mean_figure(self.per_frame(name)) for name in PER_FRAME}
-        found |= _figures(self.confusions, _ious, ("mean_iou", *(f"iou.{label}" for label in LABELS)))
+        for confusions, end in ((self.confusions, ""), (self.confusions_fixed, FIXED)):
+            found |= _figures(confusions, _ious, (f"mean_iou{end}", *(f"iou{end}.{label}" for label in LABELS)))
         furniture = np.array([frame.furniture for frame in self.frames])
         names = ("mean_furniture_iou", *(f"furniture_iou.{k}" for k in FURNITURE_IDS))
         found |= _figures(furniture, _furniture_ious, names)
@@ -146,7 +156,7 @@ def score_frame(sample: Sample, prediction: Prediction) -> FrameScore:
         status=prediction.status,
         pixels=pixels,
         corner_error=corner_error(truth.layout, prediction.layout),
-        room=score_room(sample, prediction, pixels.wall_names),
+        room=score_room(sample, prediction),
         furniture=_furniture(truth.furniture, truth.labels40, prediction.furniture),
         confidence=prediction.confidence,
         face_confidence=prediction.face_confidence,

@@ -10,15 +10,27 @@ from typing import Any
 
 import numpy as np
 
-from .published import TABLE_2
-from .scores import FURNITURE_IDS, LABELS, PER_FRAME, ROOM_FIGURES, Figure, FrameScore, SetScore
+from .measures import mean_iou
+from .published import TABLE_2, Published
+from .scores import FIXED, FURNITURE_IDS, LABELS, PER_FRAME, ROOM_FIGURES, Figure, FrameScore, SetScore
 
-GROUPS = {"iou": LABELS, "furniture_iou": tuple(map(str, FURNITURE_IDS))}
+GROUPS = {"iou": LABELS, f"iou{FIXED}": LABELS, "furniture_iou": tuple(map(str, FURNITURE_IDS))}
 """Figures by class, and the names of the classes in summary.json."""
 
 PUBLISHED_ON = "published, on their authors' own images of NYU v2"
 
-SINGLE = (*PER_FRAME, "mean_iou", "mean_furniture_iou", "frame_ece", "face_ece")
+SINGLE = (*PER_FRAME, "mean_iou", f"mean_iou{FIXED}", "mean_furniture_iou", "frame_ece", "face_ece")
+
+NAMES_AS_THEY_ARE = "wall names as they are"
+
+COMPARED = {"layout_error": "layout", "labelling_error": "labelling", "mean_iou": "mean_iou"}
+"""Figures that others published, and what they are called in `Published`."""
+
+OF_ONE_FRAME: Mapping[str, Callable[[FrameScore], float]] = {
+    "frame_mean_iou": lambda frame: mean_iou(frame.pixels.labels_confusion),
+    f"frame_mean_iou{FIXED}": lambda frame: mean_iou(frame.pixels.labels_confusion_fixed),
+}
+"""Of frames.csv alone: the set's mean IoU is of pixels summed over the frames, not the mean of these."""
 
 ROOM_COLUMNS = {
     "planes_found": ("planes found %", 100.0, 1),
@@ -34,26 +46,30 @@ ROOM_COLUMNS = {
 def text_table(scores: Sequence[SetScore]) -> str:
     """Return the tables for the terminal: percent, with 95 % bootstrap intervals over the frames.
 
-    "fixed" is the layout error with the wall names as they are, "none" counts frames without an estimate (each is
-    100 % wrong), "ms" is the median per frame.
+    "fixed" is the measure before it with the wall names as they are, which is how the paper's numbers are meant; "none"
+    counts frames without an estimate (each is 100 % wrong), "ms" is the median per frame.
     """
-    heads = ("layout %", "fixed", "labelling %", "mean IoU", "corner %", "ms", "none")
+    heads = ("layout %", "fixed", "labelling %", "fixed", "mean IoU", "fixed", "corner %", "ms", "none")
     ours = [[score.title, *_cells(score)] for score in scores]
     theirs = [
-        [row.title, number(row.layout), "", number(row.labelling), number(row.mean_iou), "", "", ""] for row in TABLE_2
+        [row.title, *(cell for name in COMPARED for cell in published_cells(row, name)), "", "", ""] for row in TABLE_2
     ]
     lines = _aligned([["", *heads], *ours, *theirs])
     lines.insert(1 + len(ours), PUBLISHED_ON + ":")
     return "\n".join([*lines, "", iou_table(scores), *room_table(scores)])
 
 
+def published_cells(row: Published, name: str) -> tuple[str, str]:
+    """Return a published number in the column of the names that it is of: permuted, or as they are."""
+    text = number(getattr(row, COMPARED[name]))
+    return ("", text) if row.fixed_names else (text, "")
+
+
 def _cells(score: SetScore) -> list[str]:
     figures = score.figures
+    pairs = ((with_span(figures[name]), percent(figures[f"{name}{FIXED}"].value)) for name in COMPARED)
     return [
-        with_span(figures["layout_error"]),
-        percent(figures["layout_error_fixed_names"].value),
-        with_span(figures["labelling_error"]),
-        with_span(figures["mean_iou"]),
+        *(cell for pair in pairs for cell in pair),
         percent(figures["corner_error"].value),
         number(score.milliseconds, 1),
         str(score.without_estimate),
@@ -70,10 +86,13 @@ def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def iou_table(scores: Sequence[SetScore]) -> str:
-    """Return IoU per class, as PASCAL (paper Table 4)."""
-    ours = [[s.title, *(percent(s.figures[f"iou.{name}"].value) for name in LABELS)] for s in scores]
+    """Return IoU per class, as PASCAL (paper Table 4): walls permuted, then with the names as they are."""
+    permuted = [[s.title, *(percent(s.figures[f"iou.{name}"].value) for name in LABELS)] for s in scores]
+    fixed = [[s.title, *(percent(s.figures[f"iou{FIXED}.{name}"].value) for name in LABELS)] for s in scores]
     theirs = [[r.title, *map(number, r.iou)] for r in TABLE_2 if r.iou]
-    return "\n".join(_aligned([["IoU %", *LABELS], *ours, *theirs]))
+    lines = _aligned([["IoU %", *LABELS], *permuted, *fixed, *theirs])
+    lines.insert(1 + len(permuted), NAMES_AS_THEY_ARE + ":")
+    return "\n".join(lines)
 
 
 def room_table(scores: Sequence[SetScore]) -> list[str]:
@@ -130,10 +149,11 @@ def frames_csv(scores: Sequence[SetScore]) -> str:
     """Return one line per frame and method, the worst layouts of each method first."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(["frame", "method", "status", *PER_FRAME, "confidence", "milliseconds"])
+    measures = {**PER_FRAME, **OF_ONE_FRAME}
+    writer.writerow(["frame", "method", "status", *measures, "confidence", "milliseconds"])
     for score in scores:
         for frame in worst_first(score):
-            values = [*(measure(frame) for measure in PER_FRAME.values()), frame.confidence]
+            values = [*(measure(frame) for measure in measures.values()), frame.confidence]
             writer.writerow(
                 [frame.name, score.title, frame.status, *(f"{v:.5f}" for v in values), f"{frame.milliseconds:.2f}"]
             )
