@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +13,17 @@ import pytest
 
 from room_layout_ros.cli import main as room_layout
 from room_layout_ros.commands import calibrate as calibrate_command
-from room_layout_ros.core.confidence import load_confidence
+from room_layout_ros.core.confidence import FACE_SIGNS, FRAME_SIGNS, Signs, load_confidence
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
-from room_layout_ros.core.models import model_file
+from room_layout_ros.core.models import config_folder, model_file
+from room_layout_ros.core.weights import N_FEATURES, ModelWeights, save_weights
 from room_layout_ros.datasets import good_samples
 from room_layout_ros.datasets.images import write_image
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.datasets.writers import FolderWriter
+from room_layout_ros.evaluation.confidence_fit import JudgedSigns, fit_confidence
 from room_layout_ros.learning.scene_folds import SceneFolds
 
 COUNT = 36
@@ -90,6 +93,61 @@ def test_frames_that_cannot_be_used_are_counted(
     assert "1 of 36 frames could not be used" in capsys.readouterr().err
 
 
+def copied(rooms: Path, other: Path, unannotated: int) -> Path:
+    shutil.copytree(rooms, other)
+    for i in range(unannotated):
+        write_image(other / "layout" / f"{i:06d}.png", np.zeros((160, 212), np.uint8))
+    return other
+
+
+def test_frames_without_an_annotated_pixel_are_left_out_and_counted(
+    rooms: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert calibrate(copied(rooms, tmp_path / "other", 2), tmp_path / "out", "--plain") == 0
+    assert "2 of 36 frames have no true layout and are left out" in capsys.readouterr().err
+    model = load_confidence(tmp_path / "out" / "confidence_rgbd_plain.npz")  # refuses values that are not finite
+    assert model.card["frames"] <= COUNT - 2
+
+
+def test_too_few_annotated_frames_are_refused_before_anything_is_estimated(
+    rooms: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(LayoutEstimator, "estimate", None)
+    assert calibrate(copied(rooms, tmp_path / "other", 7), tmp_path / "out", "--plain") == 2
+    assert "layouts for 29 frames; at least 30 are needed" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_frame_of_which_nothing_is_known_is_no_frame_to_fit_confidences_to() -> None:
+    none = Signs(np.zeros(len(FRAME_SIGNS)), np.zeros((5, len(FACE_SIGNS) - 1)))
+    known = JudgedSigns(none, 0.9, np.ones(5, bool), np.full(5, 0.8))
+    with pytest.raises(ValueError, match="1 of 31 layouts have no annotated pixel"):
+        fit_confidence([*[known] * 30, replace(known, right=float("nan"))], {})
+
+
+def test_the_models_named_are_those_that_are_calibrated(rooms: Path, tmp_path: Path) -> None:
+    """Weights of 0 know no room: what came true of their estimates is less."""
+    folder = tmp_path / "models"
+    folder.mkdir()
+    for path in config_folder().glob("*.npz"):
+        (folder / path.name).symlink_to(path.resolve())
+    (folder / "joint_rgbd_plain.npz").unlink()
+    save_weights(ModelWeights(np.zeros(N_FEATURES)), folder / "joint_rgbd_plain.npz")
+    assert calibrate(rooms, tmp_path / "shipped", "--plain") == 0
+    assert calibrate(rooms, tmp_path / "own", "--plain", "--models", str(folder)) == 0
+    shipped, own = (load_confidence(tmp_path / out / "confidence_rgbd_plain.npz") for out in ("shipped", "own"))
+    assert not np.allclose(shipped.frame, own.frame, atol=1e-3)
+
+
+def test_a_folder_of_models_that_lacks_one_is_refused_before_anything_is_estimated(
+    rooms: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(LayoutEstimator, "estimate", None)
+    assert calibrate(rooms, tmp_path / "out", "--models", str(tmp_path)) == 2
+    assert "cannot be read: No such file or directory; --models needs a copy of" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_frames_held_out_are_never_used(rooms: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert calibrate(rooms, tmp_path, "--hold-out", "000003,000015,000024,000033") == 2
     assert "at least 30 are needed" in capsys.readouterr().err
@@ -141,3 +199,15 @@ def test_each_frame_is_looked_at_by_its_honest_network_and_the_estimator_stays_a
         estimator.estimate(sample.frame)
     assert asked == ["000000", "000001"]
     assert estimator.network is before
+
+
+def test_honest_networks_look_for_models_of_ones_own_too(tmp_path: Path) -> None:
+    folder = tmp_path / "models"
+    folder.mkdir()
+    for path in config_folder().glob("*.npz"):
+        (folder / path.name).symlink_to(path.resolve())
+    (folder / "joint_rgbd.npz").unlink()
+    save_weights(ModelWeights(np.zeros(N_FEATURES)), folder / "joint_rgbd.npz")
+    estimator = calibrate_command._estimator(EstimatorConfig(), SceneFolds(tmp_path), folder)
+    assert isinstance(estimator, calibrate_command._HonestEstimator)
+    assert not estimator.models[True, True].joint.vector.any()

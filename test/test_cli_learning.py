@@ -161,6 +161,18 @@ def test_a_training_into_a_folder_where_another_one_writes_is_refused(
     assert "another run is writing into --out" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("folds", ("1", "-1", "two"))
+def test_validation_in_one_fold_is_refused_by_the_name_of_the_option(
+    folds: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All frames would be judged, and none learned from; told before minutes of fitting."""
+    words = ["train", str(tmp_path), "--out", str(tmp_path / "out"), "--validate", folds]
+    assert room_layout(words) == 2
+    said = capsys.readouterr().err.strip()
+    assert f"argument --validate: '{folds}' is given; it must be " in said
+    assert len(said.splitlines()) == 1
+
+
 def test_too_few_frames_for_the_folds_are_said_in_a_sentence(
     frames: FramesFolder, fits: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -567,6 +567,24 @@ def test_frames_without_an_annotated_pixel_are_left_out_and_counted(
     assert "1 frames with a true layout" in printed.out
 
 
+def test_where_only_some_frames_have_classes_it_is_said_of_how_many_the_labelling_is(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    some = tmp_path / "some"
+    shutil.copytree(folder, some)
+    (some / "labels40" / "000000.png").unlink()
+    arguments = ["evaluate", str(some), "--baseline", "percentile", "--rgb-only"]
+    words = "labelling error and IoU are of {} of 3 frames: the others have no class labels (labels40/NAME.png)\n"
+    assert room_layout(arguments) == 0
+    assert words.format(2) in capsys.readouterr().err
+    write_image(some / "labels40" / "000001.png", np.zeros((480, 640), np.uint8))  # nothing is labelled
+    assert room_layout(arguments) == 0
+    assert words.format(1) in capsys.readouterr().err
+    for whole in (["evaluate", str(folder)], ["evaluate", str(some), "--frames", "0"]):  # all have them, none has
+        assert room_layout([*whole, "--baseline", "percentile", "--rgb-only"]) == 0
+        assert "labelling error" not in capsys.readouterr().err
+
+
 def test_a_file_of_names_may_hold_names_with_spaces(folder: Path, tmp_path: Path) -> None:
     spaced = tmp_path / "spaced"
     shutil.copytree(folder, spaced, ignore=shutil.ignore_patterns("*.txt"))

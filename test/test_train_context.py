@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -66,6 +67,7 @@ def test_one_call_makes_the_same_file_twice_and_it_says_what_it_is(trained: tupl
     assert trained[0].read_bytes() == trained[1].read_bytes()
     model = load_context(trained[0])
     assert model.card["frames"] == 8  # 40 is held out
+    assert model.card["degraded"] == 2  # of 10, 20, 30, 50 .. 90 the first and the fifth
     assert model.card["synthetic"] == 10
     assert model.card["date"] == "2013-12-01"
     assert set(model.card["cross_validation"]) >= {"real", "degraded", "synthetic_clean", "synthetic_nyu8"}
@@ -98,10 +100,37 @@ def names_with_depth(folder: Folder) -> tuple[str, ...]:
 
 def test_every_second_frame_comes_again_with_other_depth(folder: Folder) -> None:
     source, rooms = folder
-    few = source.subset(("0010", "0020"))
-    table = collect_table(good_samples(few), rooms, CONFIG, degraded_every=20)
+    few = source.subset(("0010", "0020", "0030"))
+    table = collect_table(good_samples(few), rooms, CONFIG, degraded_every=2)
+    assert set(table.frame[table.variant == 1]) == {10, 30}
+    assert set(table.frame[table.variant == 0]) == {10, 20, 30}
+
+
+def test_a_video_of_odd_numbers_alone_has_as_many_degraded_frames_with_noise_of_their_own(folder: Folder) -> None:
+    source, rooms = folder
+
+    def odd() -> Iterator[Sample]:
+        for sample in good_samples(source.subset(("0010", "0020", "0030", "0040"))):
+            yield replace(sample, frame=replace(sample.frame, name=f"{int(sample.name) + 1:04d}"))
+
+    named = {f"{int(name) + 1:04d}": room for name, room in rooms.items()}
+    table = collect_table(odd(), named, CONFIG, degraded_every=2)
+    assert set(table.frame[table.variant == 1]) == {11, 31}
+    alone = collect_table((sample for sample in odd() if sample.name == "0031"), named, CONFIG, degraded_every=2)
+    rows = (table.frame == 31) & (table.variant == 1)
+    np.testing.assert_array_equal(table.features[rows], alone.features[alone.variant == 1])
+
+
+def test_the_place_of_a_frame_is_that_among_labelled_ones(folder: Folder) -> None:
+    source, rooms = folder
+
+    def every_second_labelled() -> Iterator[Sample]:
+        for i, sample in enumerate(good_samples(source.subset(("0010", "0020", "0030", "0040")))):
+            yield sample if i % 2 else replace(sample, truth=None)
+
+    table = collect_table(every_second_labelled(), rooms, CONFIG, degraded_every=2)
     assert set(table.frame[table.variant == 1]) == {20}
-    assert set(table.frame[table.variant == 0]) == {10, 20}
+    assert set(table.frame[table.variant == 0]) == {20, 40}
 
 
 def test_folds_are_blocks_apart_and_synthetic_frames_have_their_own() -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import math
 import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
@@ -106,6 +107,7 @@ def _evaluate(arguments: argparse.Namespace, source: FrameSource, curve: CCurve 
         left = source.length - len(frames)
         print(f"{left} of {source.length} frames have no true layout and are left out", file=sys.stderr)
     doubts.tell()
+    _tell_classes(frames)
     scores = [SetScore(title, tuple(frame.scores[title] for frame in frames)) for title in methods]
     if arguments.estimates is not None and all(frame.status == NO_FILES for frame in scores[0].frames):
         raise DataError(
@@ -117,6 +119,17 @@ def _evaluate(arguments: argparse.Namespace, source: FrameSource, curve: CCurve 
     print(f"{source.title}: {len(frames)} frames with a true layout; percent, 95 % bootstrap interval\n")
     print("\n".join([tables.text_table(scores), "", *map(str, written)]).rstrip())
     return 0
+
+
+def _tell_classes(frames: list[ComparedFrame]) -> None:
+    """Say of how many frames the labelling figures are, where some have classes and some have not."""
+    measured = [not math.isnan(next(iter(frame.scores.values())).pixels.labelling_error) for frame in frames]
+    if 0 < sum(measured) < len(frames):
+        print(
+            f"labelling error and IoU are of {sum(measured)} of {len(frames)} frames: the others have no class labels "
+            "(labels40/NAME.png)",
+            file=sys.stderr,
+        )
 
 
 def subset_names(source: FrameSource, subset: str | None, option: str) -> tuple[str, ...]:
@@ -176,7 +189,7 @@ def _ours(arguments: argparse.Namespace, source: FrameSource, has_depth: bool, h
     config = parse_settings(arguments.set, arguments.rgb_only)
     if arguments.rgb_only and not has_color:
         raise DataError(f"{source.title} has no colour, and --rgb-only leaves the depth unused")
-    models = usable_models(arguments.models, config)
+    models = usable_models(arguments.models, config, also_rgb=config.use_color and has_color)
     methods: dict[str, Method] = {}
     if not arguments.rgb_only and has_depth:
         methods[WITH_DEPTH] = EstimatorMethod(config, models=models)

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from dataclasses import fields
+from filecmp import cmp
 from pathlib import Path
 
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.kernel_furniture import KERNEL_FURNITURE_FILE
 from room_layout_ros.core.model_file import WeightsError
-from room_layout_ros.core.models import config_folder
+from room_layout_ros.core.models import SCENE_FILE, Models, config_folder, model_file
+from room_layout_ros.core.weights import uses
 from room_layout_ros.datasets import DataError
 
 
@@ -22,8 +27,19 @@ def add_models_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def usable_models(folder: Path | None, config: EstimatorConfig) -> Path | None:
+def usable_models(
+    folder: Path | None, config: EstimatorConfig, also_rgb: bool = False, plain_by: str = "--set scene_network=false"
+) -> Path | None:
     """Return the folder that --models names, as every worker finds it; None without the option.
+
+    Says so where all that the settings use of it are the models that ship, and others in it are not.
+
+    Parameters
+    ----------
+    folder : of the option.
+    config : of the estimator that shall use it.
+    also_rgb : frames are estimated a second time, without their depth.
+    plain_by : the option by which the command leaves the scene network out.
 
     Raises
     ------
@@ -37,4 +53,31 @@ def usable_models(folder: Path | None, config: EstimatorConfig) -> Path | None:
         LayoutEstimator(config, folder)
     except WeightsError as error:
         raise DataError(f"{error}; --models needs a copy of {config_folder()} with your own models in it") from None
+    if unused := _unused(folder, _used_files(config, also_rgb)):
+        others = f" and {len(unused) - 1} more" if len(unused) > 1 else ""
+        way = f", {plain_by}" if all(name.endswith("_plain.npz") for name in unused) else ""
+        print(
+            f"--models {folder}: with these settings all models used are those that ship; {unused[0]}{others} of your "
+            f"own need other settings{way}",
+            file=sys.stderr,
+        )
     return folder
+
+
+def _used_files(config: EstimatorConfig, also_rgb: bool) -> set[str]:
+    """Return the names of the files that estimates of frames with colour and depth come from."""
+    if config.method != "joint":
+        return set()
+    with_scene = config.scene_network and config.use_color and uses(config.joint_variant, "layout_scene")
+    depths = {config.use_depth, config.use_depth and not also_rgb}
+    files = {model_file(field.name, depth, with_scene) for field in fields(Models) for depth in depths}
+    files |= {SCENE_FILE} if with_scene else set()
+    return files | ({KERNEL_FURNITURE_FILE} if config.furniture_features == "kernel" else set())
+
+
+def _unused(folder: Path, used: set[str]) -> list[str]:
+    """Return the models of one's own in the folder where none of them is among the files used."""
+    shipped = config_folder()
+    known = sorted(path.name for path in shipped.glob("*.npz") if (folder / path.name).is_file())
+    own = [name for name in known if not cmp(folder / name, shipped / name, shallow=False)]
+    return [] if used.intersection(own) else own

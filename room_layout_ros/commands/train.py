@@ -91,13 +91,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--algorithm", choices=("one-slack", "frank-wolfe"), default="frank-wolfe", help="(default %(default)s)")
     add("--folds", type=whole(2), default=4, help="folds of the out-of-fold context (default %(default)s)")
-    add("--validate", type=whole(0), default=2, metavar="K", help="folds of cross-validation of the weights, 0: none")
+    add(
+        "--validate",
+        type=_folds_or_none,
+        default=2,
+        metavar="K",
+        help="folds of cross-validation of the weights, 0: none",
+    )
     add("--c-curve", type=_numbers, metavar="C,C,...", help="measure how the errors depend on C; no models are written")
     add("--trees", type=count, metavar="N", help="trees of the context classifier (default 120, RGB 150)")
     add(
         "--synthetic", type=whole(0), metavar="N", help="rendered rooms for the context classifier (default 480, RGB 0)"
     )
     add_work_arguments(parser)
+
+
+def _folds_or_none(text: str) -> int:
+    folds = whole(0)(text)
+    if folds == 1:  # all frames would be judged, and none learned from
+        raise argparse.ArgumentTypeError(f"{text!r} is given; it must be 0 for none, or a whole number, 2 or more")
+    return folds
 
 
 def _numbers(text: str) -> tuple[float, ...]:

@@ -5,9 +5,8 @@
      "about": {"rgbd": "...", "rgb": "..."}}
 
 Percent, of the discrete solution: learned on one half of the frames, judged on the other, where it has seen no frame.
-Either list may be missing: both kinds are learned apart. A point
-may have the `objective` of its learning and the `gap` above the lower bound: where that is wide, the learning was ended
-long before the weights of that C were found.
+Either list may be missing: both kinds are learned apart. A point may have the `objective` of its learning and the `gap`
+above the lower bound: where that is wide, the learning was ended long before the weights of that C were found.
 """
 
 from __future__ import annotations

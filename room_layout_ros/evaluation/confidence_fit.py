@@ -49,10 +49,12 @@ def fit_confidence(judged: Sequence[JudgedSigns], card: Mapping[str, Any]) -> Co
     Raises
     ------
     ValueError
-        When there are fewer than 30 frames.
+        When there are fewer than 30 frames, or one of them says nothing that is right or wrong.
     """
     if len(judged) < LEAST_FRAMES:
         raise ValueError(f"{len(judged)} frames with estimate and layout are given; at least {LEAST_FRAMES} are needed")
+    if unknown := sum(not np.isfinite(j.right) for j in judged):
+        raise ValueError(f"{unknown} of {len(judged)} layouts have no annotated pixel; each needs one at least")
     frame = _fit(np.array([j.signs.frame for j in judged]), np.array([j.right for j in judged]))
     rows, iou = [], []
     for j in judged:

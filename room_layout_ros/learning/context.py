@@ -94,6 +94,7 @@ def train_context(
     table = context_examples(source.subset(names), rooms, config, settings, networks)
     card: dict[str, Any] = {
         "frames": len(np.unique(table.frame[table.variant >= 0])),
+        "degraded": len(np.unique(table.frame[table.variant > 0])),
         "synthetic": len(np.unique(table.frame[table.variant < 0])),
         "superpixels": len(table.frame),
         "source": source.path.name,

@@ -80,18 +80,21 @@ def collect_table(
     ----------
     samples : with NYU40 labels; others are left out. The frame's number is `folds.frame_number`.
     rooms : fitted rooms by frame name; a frame without one teaches structure against clutter only.
-    degraded_every : every how many-th frame (by its number) comes a second time with degraded depth
-        (`degrade_depth`), if there is depth; 0 for none.
+    degraded_every : every how many-th labelled frame, the first among them, comes a second time with degraded depth
+        (`degrade_depth`), if there is depth; 0 for none. By its place, not its number: a video may hold every second
+        number alone. The number seeds the noise, so that it stays the frame's whatever frames are beside it.
     synthetic : the samples are synthetic: their rooms are known, their numbers start at `SYNTHETIC_FIRST`.
     networks : scene networks whose features to add.
     """
     parts: list[tuple[SuperpixelFeatures, NDArray[np.float32], NDArray[np.float32], int, int]] = []
+    place = -1
     for ordinal, sample in enumerate(at_working_size(one, config) for one in samples):
         if sample.truth is None or sample.truth.labels40 is None:
             continue
+        place += 1
         number = ordinal + SYNTHETIC_FIRST if synthetic else frame_number(sample.name, ordinal)
         room = sample.truth.cuboid if synthetic else rooms.get(sample.name)
-        twice = config.use_depth and degraded_every > 0 and number % degraded_every == 0
+        twice = config.use_depth and degraded_every > 0 and place % degraded_every == 0
         for variant in range(1 + twice):
             frame = sample.frame
             if variant and frame.depth_m is not None:
