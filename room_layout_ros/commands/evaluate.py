@@ -4,8 +4,8 @@ INPUT is a frames folder with true layouts (layout/NAME.png) and, for the labell
 a bag with both, or the official NYU v2 .mat with the layouts that were published apart (--layouts, --classes40).
 --rendered N measures on rendered rooms, whose truth is exact in metres too. DIR gets summary.json, frames.csv and
 report.html, which replace those of an earlier evaluation there; with --no-report an earlier report.html goes.
-Which of two visible walls is called "front" is a guess of the annotators: errors are given with the wall names
-permuted to the best fit; "fixed" is with the names as they are.
+Which of two visible walls is called "front" is a guess of the annotators: errors and IoU are given with the wall names
+permuted to the best fit; "fixed" is with the names as they are, as the paper's numbers are.
 """
 
 from __future__ import annotations
