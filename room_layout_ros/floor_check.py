@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .core.config import EstimatorConfig
 from .core.depth import DepthGeometry
-from .core.floor_plane import FloorPlane
+from .core.floor_plane import FloorPlane, lies_on
 from .core.labels import FLOOR
 
 _LEAST_PIXELS = 500
@@ -21,7 +21,6 @@ _BELOW_SHARE = 0.05
 _REACH_M = 5.0
 _EXPECTED_SHARE = 0.15
 """Of the image, in which floor is expected within reach: few pixels may lie behind anything."""
-_ON_M, _ON_RAD = 0.05, np.deg2rad(1.5)
 _ON_FLOOR_SHARE = 0.5
 """Of those pixels. Of a wrong floor up to a third are near it by chance, where walls run through it."""
 
@@ -53,12 +52,10 @@ class FloorCheck:
     def denies_floor(self) -> bool:
         """Whether depth that does not lie on the given floor is measured where that should be.
 
-        Either floor is seen, by its label; or so much is measured through the given floor, below it, that there is
-        none. Labels alone do not tell: with a wrong tilt they name a wall or the ceiling so, or nothing.
+        Either floor is seen elsewhere, by its label; or so much is measured through the given floor, below it, that
+        there is none. Labels alone do not tell: with a wrong tilt they name a wall or the ceiling so, or nothing.
         """
-        seen = np.count_nonzero((self._labels == FLOOR) & (self._geometry.inverse_depth > 0))
-        least = max(self._config.floor_min_share * self._labels.size, _LEAST_PIXELS)
-        return bool(seen >= least) or self._sees_through
+        return self._is_elsewhere or self._sees_through
 
     @property
     def hides_floor(self) -> bool:
@@ -70,7 +67,7 @@ class FloorCheck:
             return False
         height_m, depth_m, floor_m = self._over_floor
         expected = (floor_m > 0.0) & (floor_m < _REACH_M)
-        on_floor = np.count_nonzero(np.abs(height_m[expected]) < _ON_M + np.tan(_ON_RAD) * depth_m[expected])
+        on_floor = np.count_nonzero(lies_on(height_m[expected], depth_m[expected]))
         number = np.count_nonzero(expected)
         much = number * _STRIDE**2 >= _EXPECTED_SHARE * self._labels.size
         return bool(much and on_floor < _ON_FLOOR_SHARE * number)
@@ -80,14 +77,29 @@ class FloorCheck:
         """Whether what is labelled floor lies level below the camera by the direction that is given."""
         if self._floor is None:
             return False
-        points = self._geometry.points(_STRIDE)[self._labels[::_STRIDE, ::_STRIDE] == FLOOR].astype(np.float64)
-        points = points[np.isfinite(points[:, 2])]
+        points = self._labelled
         if len(points) * _STRIDE**2 < _LEAST_PIXELS:
             return False
         along = points @ self._floor.normal
         height_m = float(np.median(along))
-        level = np.abs(along - height_m) < _ON_M + np.tan(_ON_RAD) * points[:, 2]
+        level = lies_on(along - height_m, points[:, 2])
         return height_m > 0.0 and bool(np.count_nonzero(level) >= _ON_FLOOR_SHARE * len(points))
+
+    @cached_property
+    def _labelled(self) -> NDArray[np.float64]:
+        """(n, 3) measured points of a grid of the pixels that are labelled floor."""
+        points = self._geometry.points(_STRIDE)[self._labels[::_STRIDE, ::_STRIDE] == FLOOR].astype(np.float64)
+        return points[np.isfinite(points[:, 2])]
+
+    @property
+    def _is_elsewhere(self) -> bool:
+        """Whether floor is labelled, and most of it does not lie on the given one."""
+        points = self._labelled
+        least = max(self._config.floor_min_share * self._labels.size, _LEAST_PIXELS)
+        if self._floor is None or len(points) * _STRIDE**2 < least:
+            return False
+        on = lies_on(self._floor.distance_m - points @ self._floor.normal, points[:, 2])
+        return bool(np.count_nonzero(on) < _ON_FLOOR_SHARE * len(points))
 
     @property
     def _sees_through(self) -> bool:

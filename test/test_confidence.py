@@ -32,6 +32,8 @@ ROOM_SIGNS = Signs(
     np.array([[0, 0, 0, 0], [0.9, 0.01, 0.3, 0.9], [0.8, 0.0, 0.2, 0.8], [0.9, 0.0, 0.5, 0.95], [0, 0, 0, 0]]),
 )
 
+SUPPORTED = (0.9,) * 5
+
 
 def with_frame(**values: float) -> Signs:
     frame = ROOM_SIGNS.frame.copy()
@@ -67,7 +69,7 @@ def test_a_faces_last_sign_is_the_frames_confidence() -> None:
     np.testing.assert_array_equal(rows[:, -1], 0.7)
     face = np.zeros(len(FACE_SIGNS) + 1)
     face[FACE_SIGNS.index("frame")] = 4.0
-    low = state_confidence(ROOM_SIGNS, np.ones(5, bool), replace(FLAT, face=face))[1]
+    low = state_confidence(with_support(*SUPPORTED), np.ones(5, bool), replace(FLAT, face=face))[1]
     np.testing.assert_allclose(low, logistic(np.array([[0.5]]), np.array([4.0, 0.0]))[0])
 
 
@@ -86,9 +88,18 @@ def test_a_room_is_plausible_and_f31_what_is_none_is_not() -> None:
 
 def test_the_factor_holds_for_frame_and_faces() -> None:
     certain = replace(FLAT, frame=np.append(np.zeros(len(FRAME_SIGNS)), 9.0))
-    frame, faces = state_confidence(with_frame(axes=0.0), np.ones(5, bool), certain)
+    signs = replace(with_support(*SUPPORTED), frame=with_frame(axes=0.0).frame)
+    frame, faces = state_confidence(signs, np.ones(5, bool), certain)
     assert frame == pytest.approx(0.2, abs=0.001)
     np.testing.assert_allclose(faces, 0.1)
+
+
+def test_a_face_without_depth_on_it_has_half_where_depth_is_used() -> None:
+    seen = np.ones(5, bool)
+    faces = state_confidence(with_support(0.9, 0.05, 0.025, 0.0, 0.9), seen, FLAT)[1]
+    np.testing.assert_allclose(faces, [0.5, 0.5, 0.375, 0.25, 0.5])
+    by_color = Signs(with_frame(share_measured=0.0).frame, np.zeros((5, 4)))
+    np.testing.assert_allclose(state_confidence(by_color, seen, FLAT)[1], 0.5)
 
 
 def test_coefficients_survive_the_file(tmp_path: Path, rng: np.random.Generator) -> None:

@@ -42,6 +42,7 @@ def conclude(
     if cuboid is not room.cuboid:
         layout, pixels = cuboid.view(frame.camera)
         seen = pixels[1:] >= _LEAST_FACE_PX
+    cuboid = cuboid.in_view(pixels)
     metric = room.measured > 0.0  # depth that is empty or not used gives no scale
     if not metric:
         cuboid = cuboid.at_unit_scale()

@@ -2,6 +2,8 @@
 
 Logistic in a few signs of a good or bad estimate, fitted on frames with known layouts (`room-layout calibrate`), with
 and without depth apart. A face that is not in view, or that nothing speaks for, has confidence 0: not observed.
+Where depth is used, a face with next to none on it has half: its place in the picture may be right, but its distance
+follows from where it meets the others. (The frames of the fit have their holes filled and cannot tell.)
 """
 
 from __future__ import annotations
@@ -32,6 +34,9 @@ _SECOND_AXIS_RAMP = (0.0, 0.01)
 0.23, 0.21, 0.05 (`plausibility`)."""
 
 _LEAST_FACTOR = 0.2
+
+_SUPPORT_RAMP, _WITHOUT_SUPPORT = (0.0, 0.05), 0.5
+"""Between these shares of a face with depth on its plane its confidence rises from so much of its value to all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +80,7 @@ def state_confidence(
 ) -> tuple[float, NDArray[np.float64]]:
     """Return the confidence of the frame and of each face (5,), 0 for faces that are not `seen`."""
     frame, factor = float(logistic(signs.frame[None], model.frame)[0]), plausibility(signs)
-    of_faces = logistic(face_rows(signs, frame), model.face)
+    of_faces = _measured_share(signs) * logistic(face_rows(signs, frame), model.face)
     return factor * frame, np.where(seen, factor * of_faces, 0.0)
 
 
@@ -91,6 +96,15 @@ def plausibility(signs: Signs) -> float:
         of_axes = np.bincount(FACE_AXIS, on_plane, 3)
         factor *= _ramp(float(on_plane.sum()), _STRUCTURE_RAMP) * _ramp(float(np.sort(of_axes)[1]), _SECOND_AXIS_RAMP)
     return max(factor, _LEAST_FACTOR)
+
+
+def _measured_share(signs: Signs) -> NDArray[np.float64]:
+    """(5,) factors of the faces' confidences for the depth on their planes; 1 without depth."""
+    if signs.frame[_MEASURED] <= 0:
+        return np.ones(N_FACES)
+    low, high = _SUPPORT_RAMP
+    share = np.clip((signs.face[:, FACE_SIGNS.index("support")] - low) / (high - low), 0.0, 1.0)
+    return _WITHOUT_SUPPORT + (1.0 - _WITHOUT_SUPPORT) * share
 
 
 def _ramp(value: float, ends: tuple[float, float]) -> float:

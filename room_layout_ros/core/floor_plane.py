@@ -8,7 +8,7 @@ of the height is then measured on the floor itself, by distance: no sensor model
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -53,6 +53,13 @@ _SHARED_PIXELS, _INVERSE_NOISE = 400.0, 0.0015
 """So many of the fit's pixels share an error (ripple, slow error) of this deviation, 1/m."""
 
 _NOTHING_EXPECTED = np.zeros((3, 4))
+
+_ON_M, _ON_RAD = 0.05, np.deg2rad(1.5)
+"""What is measured no farther than this from a plane, and than this angle seen from the camera, lies on it."""
+
+_LEAST_ON_FIT, _FEW_PIXELS, _LABEL_STRIDE = 0.25, 500, 4
+"""Of what is labelled floor so much, at least, lies on a plane that is the floor (with steps it may be little); of one
+through things next to nothing does. Fewer pixels of it tell nothing; one in so many rows and columns is looked at."""
 
 _GATHER_M = 0.35
 """Pixels farther above or below the start are no floor, however wrong the start is."""
@@ -143,9 +150,7 @@ def fit_floor(
             return None
         start = FloorPlane(start.normal, height, start.source)
     if prior is not None and not np.isnan(prior.distance_m):
-        fit = _fit(geometry, estimate.labels, config, start, config.floor_tolerance_m)
-        near = fit is not None and _is_near(fit, prior, config.floor_tolerance_m)
-        return fit if near else _as_given(prior, geometry.camera)
+        return _fit_given(geometry, estimate, config, prior)
     fit = _fit(geometry, estimate.labels, config, start, _TOLERANCE_M if prior is not None else None)
     if fit is None:
         return None
@@ -159,6 +164,36 @@ def fit_floor(
         return None
     under = FloorPlane(fit.normal, fit.distance_m - level_m, start.source)
     return _fit(geometry, estimate.labels, config, under, _TOLERANCE_M)
+
+
+def _fit_given(
+    geometry: DepthGeometry, estimate: RoomEstimate, config: EstimatorConfig, prior: FloorPlane
+) -> FloorFit:
+    """Refine a floor that is given whole: from that of the cuboid where it is the same, else from itself.
+
+    As given where what is seen is another, or things alone: a plane that is a few degrees off runs through them.
+    """
+    seen = _from_cuboid(estimate)
+    for start in (prior,) if seen is None else (replace(seen, source=prior.source), prior):
+        fit = _fit(geometry, estimate.labels, config, start, config.floor_tolerance_m)
+        near = fit is not None and _is_near(fit, prior, config.floor_tolerance_m)
+        if fit is not None and near and _holds_floor(fit, geometry, estimate.labels):
+            return fit
+    return _as_given(prior, geometry.camera)
+
+
+def _holds_floor(fit: FloorFit, geometry: DepthGeometry, labels: NDArray[np.uint8]) -> bool:
+    """Whether what is labelled floor lies on a fit: clutter that crosses a wrong start makes a plane, too."""
+    points = geometry.points(_LABEL_STRIDE)[labels[::_LABEL_STRIDE, ::_LABEL_STRIDE] == FLOOR].astype(np.float64)
+    points = points[np.isfinite(points[:, 2])]
+    if len(points) * _LABEL_STRIDE**2 < _FEW_PIXELS:
+        return True
+    return bool(np.mean(lies_on(fit.distance_m - points @ fit.normal, points[:, 2])) >= _LEAST_ON_FIT)
+
+
+def lies_on(off_m: NDArray[np.float64], depth_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether what is measured so far off a plane, at a depth, may be of it."""
+    return np.asarray(np.abs(off_m) < _ON_M + np.tan(_ON_RAD) * depth_m)
 
 
 def _fit(

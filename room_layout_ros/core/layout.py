@@ -60,6 +60,10 @@ class RoomCuboid:
         unit = front if np.isfinite(front) else self.distances[np.isfinite(self.distances)].max(initial=0.0)
         return RoomCuboid(self.R_room_camera, self.distances / unit) if unit > 0.0 else self
 
+    def in_view(self, pixels: NDArray[np.int64]) -> RoomCuboid:
+        """Return the room without the faces of which there is no pixel; `pixels` of `view`."""
+        return RoomCuboid(self.R_room_camera, np.where(pixels[1:] > 0, self.distances, np.inf))
+
     def raster(self, camera: CameraIntrinsics) -> NDArray[np.uint8]:
         """Return the layout image: (H, W) uint8, face ids 1..5 (0 where no finite face is hit)."""
         return self.view(camera)[0]

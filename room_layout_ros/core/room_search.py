@@ -1,7 +1,8 @@
 """Search for the cuboid of least cost, its axes held.
 
 Exhaustive over the walls' candidate offsets on a coarse subset of the cells, then coordinate descent over all faces on
-all cells (docs/method.md, section 8).
+all cells (docs/method.md, section 8). A wall beyond the sensor's range has no offset among what was measured: where
+depth is missing, the descent tries it farther away too.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ _KERNEL /= _KERNEL.sum()
 _MODES, _CLUTTER_MODES = 5, 2
 _EXTENTS = (0.98, 0.995)
 """Shares of the points ahead that the last walls enclose."""
+_LEAST_MISSING, _FARTHER = 0.01, np.exp(0.04 * np.arange(1, 33))
+"""Where more of the cells than the first have no depth, a wall is tried so many times as far as anything was measured
+along its normal: up to 3.6 times."""
 _FLOOR_GUESSES_M = (0.9, 1.1, 1.3, 1.5)
 """Camera heights to try where no floor is seen: hand-held and robots."""
 
@@ -31,7 +35,8 @@ def search_room(cells: CellCosts, R: NDArray[np.float64]) -> FittedRoom:
     seen = cells.cells
     R = np.ascontiguousarray(R)
     table, sizes = _candidates(seen.rays, seen.inverse_depth, seen.probability, R)
-    distances, cost = _search(cells.terms, len(seen.rays), R, table, sizes, cells.costs)
+    reach = _reach(seen.rays, seen.inverse_depth, R)
+    distances, cost = _search(cells.terms, len(seen.rays), R, table, sizes, reach, cells.costs)
     return FittedRoom(R, distances, float(cost))
 
 
@@ -138,7 +143,23 @@ def _keep_distinct(values, kept):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _search(terms, count, R, table, sizes, costs):  # type: ignore[no-untyped-def]
+def _reach(rays, inverse_depth, R):  # type: ignore[no-untyped-def]
+    """(5,) how far along each wall's normal anything was measured, m; all 0 where little is missing."""
+    reach, missing = np.zeros(5), 0
+    for i in range(len(rays)):
+        w = inverse_depth[i]
+        if not w > 0.0:
+            missing += 1
+            continue
+        for face in range(2, 5):
+            axis = FACE_AXIS[face]
+            toward = rays[i, 0] * R[axis, 0] + rays[i, 1] * R[axis, 1] + rays[i, 2] * R[axis, 2]
+            reach[face] = max(reach[face], FACE_SIGN[face] * toward / w)
+    return reach if missing >= _LEAST_MISSING * len(rays) else np.zeros(5)
+
+
+@njit(cache=True, nogil=True)
+def _search(terms, count, R, table, sizes, reach, costs):  # type: ignore[no-untyped-def]
     trial = table[:, 0].copy()
     coarse = count // INTERLEAVED_PARTS
     best = np.inf
@@ -156,8 +177,9 @@ def _search(terms, count, R, table, sizes, costs):  # type: ignore[no-untyped-de
         before = best
         for face in (1, 0, 3, 2, 4):
             trial[:] = distances
-            for i in range(sizes[face]):
-                trial[face] = table[face, i]
+            farther = len(_FARTHER) if reach[face] > 0.0 else 0
+            for i in range(sizes[face] + farther):
+                trial[face] = table[face, i] if i < sizes[face] else reach[face] * _FARTHER[i - sizes[face]]
                 cost = mean_cost(terms, R, trial, costs, count, best)
                 if cost < best:
                     best = cost

@@ -19,7 +19,6 @@ from .color import block_means
 from .depth import depth_sigma
 from .estimate import RoomEstimate
 from .frame import CameraIntrinsics, RgbdFrame
-from .layout import FacePolygon
 
 _SAME_SURFACE = 3.0
 """Depths of a block are of one surface within so many standard deviations of the measurement."""
@@ -128,12 +127,21 @@ def _resize(estimate: RoomEstimate, camera: CameraIntrinsics, shrink: int, grow:
         _resize_labels(image, camera, shrink, grow)
         for image in (estimate.layout, _marked(estimate), estimate.furniture, estimate.superpixels)
     )
-    polygons: tuple[FacePolygon, ...] = ()
-    if estimate.cuboid is not None:
-        layout, polygons = estimate.cuboid.raster(camera), estimate.cuboid.polygons(camera)
+    cuboid, face_confidence, polygons = estimate.cuboid, estimate.face_confidence, estimate.polygons
+    if cuboid is not None:
+        layout, pixels = cuboid.view(camera)
+        cuboid, polygons = cuboid.in_view(pixels), cuboid.polygons(camera)
+        face_confidence = np.where(pixels[1:] > 0, face_confidence, 0.0)
     np.copyto(labels, layout, where=labels == _AS_LAYOUT)
     return replace(
-        estimate, layout=layout, labels=labels, furniture=furniture, superpixels=superpixels, polygons=polygons
+        estimate,
+        layout=layout,
+        labels=labels,
+        furniture=furniture,
+        superpixels=superpixels,
+        face_confidence=face_confidence,
+        cuboid=cuboid,
+        polygons=polygons,
     )
 
 

@@ -1,0 +1,78 @@
+"""Faces that the sensor does not reach, or that are not in the picture: placed by the picture, trusted less, or absent."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.frame import CameraIntrinsics
+from room_layout_ros.core.labels import FRONT_WALL, N_FACES
+from room_layout_ros.datasets.sample import Sample
+from room_layout_ros.datasets.synthetic import KINECT, NOISES, camera_pose, random_scene, render
+from room_layout_ros.evaluation.free_space import MOUNTS, random_views
+
+FRONT = FRONT_WALL - 1
+
+
+@pytest.fixture(scope="module")
+def estimator() -> LayoutEstimator:
+    return LayoutEstimator()
+
+
+def along_a_room(seed: int) -> Sample:
+    """A view from one end of a room to the other."""
+    rng = np.random.default_rng([seed, 77])
+    room = random_scene(rng, "cuboid", furniture=0.2)
+    low, high = room.corners.min(axis=0), room.corners.max(axis=0)
+    x, y = 0.5 * (low + high)
+    if high[0] - low[0] > high[1] - low[1]:
+        pose = camera_pose(float(low[0]) + 0.4, float(y), 1.3, 0.0, -0.12)
+    else:
+        pose = camera_pose(float(x), float(low[1]) + 0.4, 1.3, np.pi / 2, -0.12)
+    return render(room, KINECT, pose, NOISES["kinect"], rng)
+
+
+@pytest.mark.parametrize("reach", [0.8, 0.6])
+@pytest.mark.parametrize("seed", [0, 1, 4, 5])
+def test_a_wall_beyond_the_sensors_range_is_where_the_picture_has_it(
+    estimator: LayoutEstimator, seed: int, reach: float
+) -> None:
+    sample = along_a_room(seed)
+    assert sample.truth is not None
+    assert sample.truth.cuboid is not None
+    assert sample.frame.depth_m is not None
+    front_m = float(sample.truth.cuboid.distances[FRONT])
+    seen = estimator.estimate(sample.frame)
+    depth_m = np.where(sample.frame.depth_m > reach * front_m, np.nan, sample.frame.depth_m)
+    inferred = estimator.estimate(replace(sample.frame, depth_m=depth_m))
+    assert inferred.cuboid is not None
+    assert abs(inferred.cuboid.distances[FRONT] / front_m - 1.0) < 0.05
+    assert inferred.face_confidence[FRONT] <= 0.55 * seen.face_confidence[FRONT], "no depth lies on it"
+
+
+def test_a_face_of_which_no_pixel_is_in_view_has_no_distance() -> None:
+    by_color = LayoutEstimator(EstimatorConfig(use_depth=False))
+    hidden = 0
+    for _, sample in random_views(range(12), 5, "kinect", mount=MOUNTS["high"]):
+        estimate = by_color.estimate(sample.frame)
+        assert estimate.cuboid is not None
+        pixels = np.bincount(estimate.layout.ravel(), minlength=N_FACES + 1)[1:]
+        np.testing.assert_array_equal(np.isfinite(estimate.cuboid.distances), pixels > 0)
+        hidden += int((pixels == 0).sum())
+    assert hidden > 12
+
+
+@pytest.mark.parametrize(("width", "height"), [(320, 240), (161, 121)])
+def test_no_face_without_a_pixel_has_confidence_in_small_pictures(width: int, height: int) -> None:
+    camera = CameraIntrinsics(width, height, 0.82 * width, 0.82 * width, width / 2 - 0.5, height / 2 - 0.5)
+    by_color = LayoutEstimator(EstimatorConfig(use_depth=False))
+    for _, sample in random_views(range(6), 5, "clean", mount=replace(MOUNTS["high"], camera=camera)):
+        estimate = by_color.estimate(sample.frame)
+        assert estimate.cuboid is not None
+        pixels = np.bincount(estimate.layout.ravel(), minlength=N_FACES + 1)[1:]
+        assert not estimate.face_confidence[pixels == 0].any()
+        assert np.isinf(estimate.cuboid.distances[pixels == 0]).all()
