@@ -1,4 +1,4 @@
-"""Faces that the sensor does not reach, or that are not in the picture: placed by the picture, trusted less, or absent."""
+"""Faces beyond the sensor's reach or the picture: placed by the picture and trusted less, or without a distance."""
 
 from __future__ import annotations
 

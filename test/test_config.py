@@ -50,6 +50,7 @@ def test_a_value_of_another_type_is_refused(row: Parameter) -> None:
     ("change", "sentence"),
     [
         ({"min_depth_m": -0.1}, "min_depth_m is -0.1 m; allowed is 0.0 to 5.0"),
+        ({"obstacle_min_area": 0.0}, "obstacle_min_area is 0.0; allowed is 0.001 to 1.0"),
         ({"method": "magic"}, "method is 'magic'; allowed are joint, depth"),
         ({"superpixel_count": 200.0}, "superpixel_count is 200.0; it must be of type int"),
         ({"use_color": 1}, "use_color is 1; it must be of type bool"),

@@ -421,6 +421,17 @@ def test_a_low_robot_passes_under_what_a_tall_one_hits() -> None:
     assert cell_at(low, 2.0, 0.0) == FREE_CELL
 
 
+@pytest.mark.parametrize("robot_m", [0.08, 0.1, 0.15])
+def test_a_robot_of_less_than_20_cm_is_kept_from_below_a_bed_too(robot_m: float) -> None:
+    """Of a bed on feet of 6 cm the picture shows a row or two below the robot's height."""
+    bed = Solid(1.8, 0.0, 0.0, 2.0, 1.6, 0.06, 0.5, 5, GREY, thing=1)
+    sample = render(empty(bed), KINECT, camera_pose(-1.4, 0.0, 0.34, 0.0, -0.05), CLEAN)
+    low = free_space_of(sample.frame, with_truth(sample), replace(CONFIG, robot_height_m=robot_m))
+    assert low is not None
+    assert not (ahead_of(low, (2.2, 4.2), 0.75) == FREE_CELL).any()
+    assert (ahead_of(low, (1.2, 1.9), 0.5) == FREE_CELL).mean() > 0.9
+
+
 def test_clouds_leave_walls_out_and_keep_small_things() -> None:
     sample, result = look(empty(box(0.1, 0.2, 0.04, 0.04)), KINECT_NOISE)
     assert sample.T_world_camera is not None

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
@@ -47,6 +48,10 @@ def fitted(estimator: LayoutEstimator, sample: Sample, floor: FloorPlane) -> tup
     return fit, estimate
 
 
+def angle_deg(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    return float(np.rad2deg(np.arccos(min(float(a @ b), 1.0))))
+
+
 @pytest.fixture(scope="module")
 def estimator() -> LayoutEstimator:
     return LayoutEstimator(CONFIG)
@@ -61,7 +66,7 @@ def test_within_the_tolerance_the_floor_that_is_seen_is_found(
         fit, _ = fitted(estimator, sample, given(sample, pitch_deg, higher_m))
         assert fit.source == "parameters+depth", sample.name
         assert sample.truth.down_camera is not None
-        assert np.rad2deg(np.arccos(min(fit.normal @ sample.truth.down_camera, 1.0))) < 0.5, sample.name
+        assert angle_deg(fit.normal, sample.truth.down_camera) < 0.5, sample.name
 
 
 def test_a_pose_that_is_too_far_off_is_no_reason_for_floor_in_things(estimator: LayoutEstimator) -> None:
@@ -72,7 +77,7 @@ def test_a_pose_that_is_too_far_off_is_no_reason_for_floor_in_things(estimator: 
         fit, estimate = fitted(estimator, sample, floor)
         assert sample.truth is not None
         assert sample.truth.down_camera is not None
-        off_deg = np.rad2deg(np.arccos(min(fit.normal @ sample.truth.down_camera, 1.0)))
+        off_deg = angle_deg(fit.normal, sample.truth.down_camera)
         assert off_deg < 0.5 or fit.source == "parameters", sample.name
         if fit.source == "parameters":
             geometry = compute_depth_geometry(sample.frame, CONFIG)

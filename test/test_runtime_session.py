@@ -20,6 +20,7 @@ from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.tracking import TemporalPrior
 from room_layout_ros.runtime.depth_scale import measure_scale
+from room_layout_ros.runtime.diagnosis import NodeFacts, diagnose
 from room_layout_ros.runtime.health import Health
 from room_layout_ros.runtime.pairing import COLOR, DEPTH, Pair, PairingRules
 from room_layout_ros.runtime.session import CAMERA as CAMERA_STREAM
@@ -242,6 +243,18 @@ def test_an_estimate_without_a_room_is_counted_and_not_published(
     send(session, 0)
     health = settled(session)
     assert (health.no_estimate, health.published, stages.published) == ({status.value: 1}, 0, [])
+
+
+def test_a_room_of_a_search_that_was_cut_is_published_and_counted(
+    session: EstimatorSession, stages: Stages, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stages, "estimate", lambda frame, *_: replace(room(frame), status=Status.DEADLINE))
+    session.add_camera(CAMERA_STREAM, 0, "camera")
+    send(session, 0)
+    health = settled(session)
+    assert (health.published, health.cut, health.no_estimate) == (1, 1, {})
+    (estimates,) = [one for one in diagnose(health, Health({}), NodeFacts({})) if one.name == "estimates"]
+    assert estimates.values["published, cut at the deadline"] == "1"
 
 
 def test_a_refused_pair_is_counted_under_its_reason(session: EstimatorSession, stages: Stages) -> None:

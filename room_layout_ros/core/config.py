@@ -150,12 +150,14 @@ class EstimatorConfig:
         "m", 0.01, 1.0,
     )  # fmt: skip
     obstacle_min_height_m: float = _p(0.02, "what is lower lies on the floor and can be driven over", "m", 0.005, 0.5)
-    robot_height_m: float = _p(2.0, "what is higher the robot passes under", "m", 0.05, 5.0)
+    robot_height_m: float = _p(
+        2.0, "what is higher the robot passes under (less than 0.2: under what is higher than 0.2)", "m", 0.05, 5.0
+    )
     obstacle_noise_factor: float = _p(
         3.5, "a pixel is an obstacle above this many standard deviations of the floor's height", "", 1.0, 10.0
     )
     obstacle_min_area: float = _p(
-        0.15, "visible surface that makes a thing an obstacle, as a share of a cell's square", "", 0.0, 1.0
+        0.15, "visible surface that makes a thing an obstacle, as a share of a cell's square", "", 0.001, 1.0
     )
     obstacle_margin_m: float = _p(0.10, "cells this near before an obstacle are not called free", "m", 0.0, 1.0)
     free_min_seen: float = _p(0.5, "share of a cell's floor that must be seen to call it free", "", 0.05, 1.0)

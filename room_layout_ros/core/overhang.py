@@ -16,9 +16,9 @@ from .floor_pixels import OBSTACLE_PIXEL
 from .frame import CameraIntrinsics
 
 _STEP_M, _MIN_HIDDEN = 0.05, 4
-"""The space above a corner is looked at so far apart; hidden it is when so many looks meet something before it (a
-robot lower than that passes under). One look is enough that leaves the picture at its side and meets there what the
-side cuts off: of such a thing the picture may show one column."""
+"""The space above a corner is looked at so far apart, at no less than so many heights: of what hangs lower a picture shows
+too little. Hidden it is when so many looks meet something before it. One look is enough that leaves the picture at its
+side and meets there what the side cuts off: of such a thing the picture may show one column."""
 
 _COVER_M = (0.03, 0.5)
 """What stands this far before the space above a cell hides what may hang there."""
@@ -163,7 +163,7 @@ def _look_over_corners(grid, inverse, kind, intrinsics, T, corner, robot_height,
     x0, y0, size = corner
     rows, cols = grid.shape
     width = inverse.shape[1]
-    steps = int(robot_height / _STEP_M + 1e-6)
+    steps = max(int(robot_height / _STEP_M + 1e-6), _MIN_HIDDEN)
     up = (T[0, 2], T[1, 2], T[2, 2])
     above_floor = -(up[0] * T[0, 3] + up[1] * T[1, 3] + up[2] * T[2, 3])
     nearest = _nearest_of_tiles(inverse)

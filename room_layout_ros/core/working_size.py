@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from .color import block_means
 from .depth import depth_sigma
 from .estimate import RoomEstimate
-from .frame import CameraIntrinsics, RgbdFrame
+from .frame import MAX_SIDE_PX, CameraIntrinsics, RgbdFrame
 
 _SAME_SURFACE = 3.0
 """Depths of a block are of one surface within so many standard deviations of the measurement."""
@@ -53,7 +53,7 @@ def working_factors(camera: CameraIntrinsics, working_size_px: int) -> tuple[int
         return 1, 1
     sides = camera.width, camera.height
     shrink = max(1, min(max(sides) // working_size_px, *sides))
-    return shrink, max(1, round(working_size_px / max(sides)))
+    return shrink, max(1, min(round(working_size_px / max(sides)), MAX_SIDE_PX // max(sides)))
 
 
 def resize_frame(frame: RgbdFrame, working_size_px: int) -> RgbdFrame:

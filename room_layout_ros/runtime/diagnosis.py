@@ -197,6 +197,7 @@ def _estimates(health: Health, before: Health, facts: NodeFacts) -> Finding:
         "rate_hz": f"{health.rate_hz:.1f}",
         "pairs": str(health.made),
         "published": str(health.published),
+        **({"published, cut at the deadline": str(health.cut)} if health.cut else {}),
         "in_flight": str(health.in_flight),
         **{f"no estimate: {status}": str(n) for status, n in sorted(health.no_estimate.items())},
         **{f"dropped: {reason}": str(n) for reason, n in sorted(health.dropped.items())},

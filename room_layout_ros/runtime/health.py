@@ -73,6 +73,8 @@ class Health:
     streams: Mapping[str, StreamHealth]
     made: int = 0
     published: int = 0
+    cut: int = 0
+    """Of those published: ended at the deadline."""
     no_estimate: Mapping[str, int] = field(default_factory=dict)
     dropped: Mapping[str, int] = field(default_factory=dict)
     in_flight: int = 0
@@ -145,6 +147,7 @@ class PairCount:
 
     made: int = 0
     published: int = 0
+    cut: int = 0
     no_estimate: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
     resets: int = 0
@@ -209,6 +212,7 @@ class PairCount:
             streams=streams,
             made=self.made,
             published=self.published,
+            cut=self.cut,
             no_estimate=dict(self.no_estimate),
             dropped=dict(self.dropped),
             in_flight=self.in_flight,

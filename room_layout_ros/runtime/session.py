@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
-from room_layout_ros.core.estimate import RoomEstimate
+from room_layout_ros.core.estimate import RoomEstimate, Status
 from room_layout_ros.core.floor_plane import FloorPlane
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
@@ -361,6 +361,7 @@ class EstimatorSession:
                 pairs.metric = estimate.metric
                 pairs.rate.tick(now)
                 pairs.published += 1
+                pairs.cut += estimate.status is Status.DEADLINE
             else:
                 pairs.no_estimate[estimate.status.value] += 1
 
