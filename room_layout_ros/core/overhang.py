@@ -16,9 +16,9 @@ from .floor_pixels import OBSTACLE_PIXEL
 from .frame import CameraIntrinsics
 
 _STEP_M, _MIN_HIDDEN = 0.05, 4
-"""The space above a corner is looked at so far apart, at no less than so many heights: of what hangs lower a picture shows
-too little. Hidden it is when so many looks meet something before it. One look is enough that leaves the picture at its
-side and meets there what the side cuts off: of such a thing the picture may show one column."""
+"""The space above a corner is looked at so far apart, and at no less than so many heights: of what hangs lower a
+picture shows too little. Hidden it is when so many looks meet something before it. One look is enough that leaves the
+picture at its side and meets there what the side cuts off: of such a thing the picture may show one column."""
 
 _COVER_M = (0.03, 0.5)
 """What stands this far before the space above a cell hides what may hang there."""
