@@ -225,3 +225,10 @@ def test_values_check_themselves() -> None:
         pack_blocks({"pair": np.zeros(3)})
     with pytest.raises(ValueError, match="model variant is 'best'; allowed are full"):
         start_weights().variant("best")
+
+
+@pytest.mark.parametrize("value", (np.nan, np.inf))
+def test_values_that_no_reader_would_take_are_not_written(value: float, tmp_path: Path) -> None:
+    with pytest.raises(WeightsError, match=r"'b' for .* holds a value that is not finite; nothing is written"):
+        model_file.write_arrays(tmp_path / "m.npz", "any", {"a": np.zeros(2), "b": np.array([0.0, value])}, {})
+    assert not list(tmp_path.iterdir())

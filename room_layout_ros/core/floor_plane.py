@@ -173,12 +173,11 @@ def _fit_given(
 
     As given where what is seen is another, or things alone: a plane that is a few degrees off runs through them.
     """
-    seen = _from_cuboid(estimate)
-    for start in (prior,) if seen is None else (replace(seen, source=prior.source), prior):
-        fit = _fit(geometry, estimate.labels, config, start, config.floor_tolerance_m)
-        near = fit is not None and _is_near(fit, prior, config.floor_tolerance_m)
-        if fit is not None and near and _holds_floor(fit, geometry, estimate.labels):
-            return fit
+    seen, tolerance_m = _from_cuboid(estimate), config.floor_tolerance_m
+    for start, off_m in ((seen, None), (prior, tolerance_m)):
+        fit = None if start is None else _fit(geometry, estimate.labels, config, start, off_m)
+        if fit and _is_near(fit, prior, tolerance_m) and _holds_floor(fit, geometry, estimate.labels):
+            return replace(fit, source=f"{prior.source}+depth")
     return _as_given(prior, geometry.camera)
 
 

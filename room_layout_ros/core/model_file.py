@@ -40,7 +40,15 @@ def write_arrays(path: Path, kind: str, arrays: Mapping[str, NDArray[Any]], card
         What the file is, checked on reading.
     arrays : name to array; numbers or booleans without NaN.
     card : JSON values about the arrays.
+
+    Raises
+    ------
+    WeightsError
+        When an array holds a value that is not finite: `read_arrays` would refuse the file.
     """
+    for name, array in arrays.items():
+        if array.dtype.kind == "f" and not np.isfinite(array).all():
+            raise WeightsError(f"array {name!r} for {path} holds a value that is not finite; nothing is written")
     members = {name: _npy(arrays[name]) for name in sorted(arrays)}
     whole = {**card, "kind": kind, "schema": SCHEMA_VERSION, "sha256": _digest(members)}
     text = json.dumps(whole, sort_keys=True, indent=1, allow_nan=False).encode()
