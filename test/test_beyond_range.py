@@ -7,15 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.beyond_range import FRONT, cut_off, view_along
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import CameraIntrinsics
-from room_layout_ros.core.labels import FRONT_WALL, N_FACES
-from room_layout_ros.datasets.sample import Sample
-from room_layout_ros.datasets.synthetic import KINECT, NOISES, camera_pose, random_scene, render
+from room_layout_ros.core.labels import N_FACES
 from room_layout_ros.evaluation.free_space import MOUNTS, random_views
-
-FRONT = FRONT_WALL - 1
 
 
 @pytest.fixture(scope="module")
@@ -23,32 +20,13 @@ def estimator() -> LayoutEstimator:
     return LayoutEstimator()
 
 
-def along_a_room(seed: int) -> Sample:
-    """A view from one end of a room to the other."""
-    rng = np.random.default_rng([seed, 77])
-    room = random_scene(rng, "cuboid", furniture=0.2)
-    low, high = room.corners.min(axis=0), room.corners.max(axis=0)
-    x, y = 0.5 * (low + high)
-    if high[0] - low[0] > high[1] - low[1]:
-        pose = camera_pose(float(low[0]) + 0.4, float(y), 1.3, 0.0, -0.12)
-    else:
-        pose = camera_pose(float(x), float(low[1]) + 0.4, 1.3, np.pi / 2, -0.12)
-    return render(room, KINECT, pose, NOISES["kinect"], rng)
-
-
 @pytest.mark.parametrize("reach", [0.8, 0.6])
 @pytest.mark.parametrize("seed", [0, 1, 4, 5])
 def test_a_wall_beyond_the_sensors_range_is_where_the_picture_has_it(
     estimator: LayoutEstimator, seed: int, reach: float
 ) -> None:
-    sample = along_a_room(seed)
-    assert sample.truth is not None
-    assert sample.truth.cuboid is not None
-    assert sample.frame.depth_m is not None
-    front_m = float(sample.truth.cuboid.distances[FRONT])
-    seen = estimator.estimate(sample.frame)
-    depth_m = np.where(sample.frame.depth_m > reach * front_m, np.nan, sample.frame.depth_m)
-    inferred = estimator.estimate(replace(sample.frame, depth_m=depth_m))
+    frame, front_m = view_along(seed)
+    seen, inferred = estimator.estimate(frame), estimator.estimate(cut_off(frame, reach * front_m))
     assert inferred.cuboid is not None
     assert abs(inferred.cuboid.distances[FRONT] / front_m - 1.0) < 0.05
     assert inferred.face_confidence[FRONT] <= 0.55 * seen.face_confidence[FRONT], "no depth lies on it"
