@@ -109,7 +109,9 @@ def run(make_node: Callable[[], Any], args: Sequence[str] | None) -> int:
     except (KeyboardInterrupt, ExternalShutdownException):  # while it starts, or a second Ctrl-C during the end
         return 0
     finally:
+        _take_signals(signal.SIG_IGN)  # all is done
         try_shutdown()
+        _take_signals(signal.SIG_IGN)  # rclpy gives them back as it found them
         if not ended:  # a worker inside a compilation cannot be stopped
             sys.stdout.flush()
             sys.stderr.flush()
@@ -124,8 +126,7 @@ def _interrupt(_number: int, _frame: object) -> None:
 
 def _work(make_node: Callable[[], Any], args: Sequence[str] | None) -> tuple[int, bool]:
     """Return the exit code and whether all threads have ended."""
-    for number in (signal.SIGINT, signal.SIGTERM):  # rclpy puts its own handlers on top of these
-        signal.signal(number, _interrupt)
+    _take_signals(_interrupt)  # rclpy puts its own handlers on top of these
     initialised = False
     try:
         join(args)
@@ -145,8 +146,14 @@ def _work(make_node: Callable[[], Any], args: Sequence[str] | None) -> tuple[int
     try:
         _spin(executor, node)
     finally:
+        _take_signals(_interrupt)  # with its own rclpy took these away: the next signal would kill
         ended = node.close()
     return 0, ended
+
+
+def _take_signals(handler: Any) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, handler)
 
 
 def _keep_what_is_loaded() -> None:

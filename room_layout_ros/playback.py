@@ -28,6 +28,8 @@ from room_layout_ros.extras import install_hint
 FRAME_TOPICS = (topics.COLOR_TOPIC, topics.COLOR_INFO_TOPIC, topics.DEPTH_TOPIC)
 """Where frames go that are not of a bag."""
 
+CLOCK_TOPIC = "/clock"
+
 PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _QUEUE_DEPTH = 10
 _LATCHED_DEPTH = 100
@@ -253,6 +255,7 @@ class _Player:
         self._publishers: dict[str, Any] = {}
         self._skipped: set[str] = set()
         self._clock: Any = None
+        self._told_ns = 0
         self._names = dict(options.remappings)
 
     def announce(self, stream: Iterable[RawMessage]) -> None:
@@ -268,7 +271,7 @@ class _Player:
         if self.options.clock:
             from rosgraph_msgs.msg import Clock
 
-            self._clock = self.node.create_publisher(Clock, "/clock", 10)
+            self._clock = self.node.create_publisher(Clock, CLOCK_TOPIC, 10)
         self._wait()
 
     def _wait(self) -> None:
@@ -306,6 +309,8 @@ class _Player:
                 origin_ns, start = message.time_ns, time.monotonic()
                 self._publish_clock(message.time_ns)
             self._sleep_until(start, origin_ns, message.time_ns)
+            if abs(message.time_ns - self._told_ns) > _CLOCK_STEP_S * 1e9:  # behind the schedule nobody sleeps
+                self._publish_clock(message.time_ns)
             publisher = self._publisher(message)
             if publisher is not None:
                 publisher.publish(message.raw)
@@ -329,6 +334,7 @@ class _Player:
             return
         from rosgraph_msgs.msg import Clock
 
+        self._told_ns = time_ns
         message = Clock()
         message.clock.sec, message.clock.nanosec = divmod(time_ns, 1_000_000_000)
         self._clock.publish(message)

@@ -185,6 +185,15 @@ def test_f39_a_signal_ends_it_in_two_seconds_with_exit_code_0(
         end_in_time(node, number)
 
 
+@pytest.mark.parametrize("apart_s", (0.02, 0.15))
+def test_a_second_sigterm_during_the_end_is_no_other_end(repository: Path, apart_s: float) -> None:
+    with python(repository, *NODE, *remapped(f"/twice{os.getpid()}")) as node:
+        read_until(node, "warm after")
+        node.send_signal(signal.SIGTERM)
+        time.sleep(apart_s)
+        end_in_time(node, signal.SIGTERM)
+
+
 @pytest.mark.parametrize(
     ("module", "number"),
     (

@@ -115,6 +115,54 @@ def test_a_bag_arrives_bit_by_bit_and_at_its_own_pace(bag: Path, walk: list[Samp
     assert ticks[-1] <= stamps[-1]
 
 
+def ticks_ns(listener: Listener) -> list[int]:
+    return [m.clock.sec * 10**9 + m.clock.nanosec for _, m in listener.got["/clock"]]
+
+
+def test_the_clock_goes_on_where_the_player_is_behind_its_schedule(
+    bag: Path, walk: list[Sample], listener: Listener
+) -> None:
+    process = start(bag, "--wait-for-subscribers", 1, "--rate", 100, "--clock", "--topics", COLOR_TOPIC, DEPTH_TOPIC)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 0, told
+    deadline = time.monotonic() + 3
+    while len(ticks_ns(listener)) < 6 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert max(ticks_ns(listener)) >= walk[-2].frame.stamp_ns
+    assert len(ticks_ns(listener)) >= 6
+
+
+@pytest.fixture
+def simulated(tmp_path: Path) -> Path:
+    """A bag of a simulator: /clock and stamps of the simulation, recorded 100 s later by the machine's clock."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    types, store = get_typestore(Stores.ROS2_JAZZY), messages.typestore()
+    clock, time_of = types.types["rosgraph_msgs/msg/Clock"], types.types["builtin_interfaces/msg/Time"]
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        tick = writer.add_connection("/clock", clock.__msgtype__, typestore=types)
+        image = writer.add_connection(COLOR_TOPIC, messages.IMAGE, typestore=store)
+        for stamp_ns in range(10**9, 2 * 10**9, 10**8):
+            now = clock(clock=time_of(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9))
+            writer.write(tick, stamp_ns + 100 * 10**9, types.serialize_cdr(now, clock.__msgtype__))
+            pixels = np.zeros((48, 64, 3), np.uint8)
+            message = messages.encode_image_message(pixels, "rgb8", stamp_ns, "optical")
+            writer.write(image, stamp_ns + 100 * 10**9, message)
+    return tmp_path / "bag"
+
+
+@pytest.mark.parametrize("words", [("--clock",), ()])
+def test_there_is_one_clock(simulated: Path, listener: Listener, words: tuple[str, ...]) -> None:
+    process = start(simulated, "--rate", 0.5, "--wait-for-subscribers", 1, *words)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 0, told
+    assert ("the /clock of" in told) == bool(words)
+    seconds = {ns // 10**9 for ns in ticks_ns(listener)}
+    assert seconds <= ({101} if words else {1})
+    assert seconds
+
+
 def test_a_folder_plays_under_the_names_the_node_listens_to(
     tmp_path: Path, listener: Listener, rng: np.random.Generator
 ) -> None:

@@ -81,6 +81,18 @@ def test_a_room_of_another_size_is_a_question_about_the_unit(height_m: float, de
     assert findings(strange, replace(strange, published=270))["estimates"].level == Level.OK, "no new frame"
 
 
+def test_time_that_jumps_so_often_that_it_loses_most_frames_is_a_warning() -> None:
+    before = replace(HEALTHY, made=0, published=0, dropped={}, resets=0)
+    lossy = replace(HEALTHY, made=300, published=10, dropped={"reset": 252}, resets=553)
+    found = findings(lossy, before)["estimates"]
+    assert found.level == Level.WARN
+    assert found.message.startswith("time jumped 553 times since the last report, which lost 252 frames, and 10 were")
+    loops = replace(HEALTHY, made=300, published=290, dropped={"reset": 8}, resets=8)
+    assert findings(loops, before)["estimates"].level == Level.OK, "a bag of 0.4 s that loops"
+    once = replace(HEALTHY, made=1, published=0, dropped={"reset": 1}, resets=1)
+    assert findings(once, before)["estimates"].level == Level.OK
+
+
 @pytest.mark.parametrize(("height_m", "depth_m"), ((1.3, 2.4), (0.2, 0.6), (3.2, 11.0), (float("nan"), float("nan"))))
 def test_a_room_of_a_usual_size_is_no_question(height_m: float, depth_m: float) -> None:
     usual = replace(SIZED, camera_height_m=height_m, median_depth_m=depth_m)

@@ -19,6 +19,7 @@ from room_layout_ros.datasets import DataError
 from room_layout_ros.datasets.bag import open_reader
 from room_layout_ros.datasets.source import is_bag
 from room_layout_ros.playback import (
+    CLOCK_TOPIC,
     FRAME_TOPICS,
     PlayOptions,
     RawMessage,
@@ -92,6 +93,13 @@ def _of_bag(path: Path, only: list[str], options: PlayOptions) -> tuple[Callable
             counts[connection.topic] += connection.msgcount
     require_topics("--topics", only, counts, f"in {path}")
     played = set(only) or set(counts)
+    if options.clock and CLOCK_TOPIC in played:
+        played.discard(CLOCK_TOPIC)
+        print(
+            f"the {CLOCK_TOPIC} of {path} is left out: --clock sends the times at which the messages were recorded; "
+            "without --clock the bag's own clock is played",
+            file=sys.stderr,
+        )
     require_topics("--remap", _sources(options), played, "among the --topics" if only else f"in {path}")
     return bag_stream(path, played), sum(counts[topic] for topic in played)
 

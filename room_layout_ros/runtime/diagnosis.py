@@ -218,7 +218,8 @@ def _ages(health: Health) -> dict[str, str]:
 
 
 _METRIC = {None: "", True: "yes", False: "no (front wall is 1)"}
-_HARMLESS = ("newer frame", "reset", "shutdown")
+_RESET = "reset"
+_HARMLESS = ("newer frame", _RESET, "shutdown")
 
 
 def _estimates_state(health: Health, before: Health, facts: NodeFacts) -> _Said:
@@ -228,6 +229,9 @@ def _estimates_state(health: Health, before: Health, facts: NodeFacts) -> _Said:
     if any(bad.values()):
         words = f"{sum(bad.values())} frames dropped: {health.last_drop}"
         return _Said(Level.ERROR, words, "frames dropped", logged=True)
+    jumped = _time_jumps(health, before)
+    if jumped:
+        return _Said(Level.WARN, jumped, "time jumps")
     question = _unit_question(health, facts) if health.scales > before.scales else ""
     if question:
         return _Said(Level.WARN, question, "depth unit")
@@ -249,6 +253,22 @@ def _estimates_state(health: Health, before: Health, facts: NodeFacts) -> _Said:
         )
         return _Said(Level.ERROR, words, "no pairs")
     return _Said(Level.OK, "waiting for frames")
+
+
+_LEAST_JUMPS = 2
+"""A bag that loops, or a simulation that is reset, jumps once."""
+
+
+def _time_jumps(health: Health, before: Health) -> str:
+    """Say that time jumps so often that more frames are lost by it than published; "" where it does not."""
+    lost = health.dropped.get(_RESET, 0) - before.dropped.get(_RESET, 0)
+    published, jumps = health.published - before.published, health.resets - before.resets
+    if jumps < _LEAST_JUMPS or lost <= published:
+        return ""
+    return (
+        f"time jumped {jumps} times since the last report, which lost {lost} frames, and {published} were published; "
+        "do two publish /clock, or one of the images?"
+    )
 
 
 _HIGHEST_M, _LOWEST_M, _FARTHEST_M = 3.5, 0.15, 12.0
