@@ -92,6 +92,8 @@ def test_shown_rooms_are_the_estimators(board: Board, server: ThreadingHTTPServe
 def test_what_the_page_has_is_not_sent_again(board: Board, server: ThreadingHTTPServer) -> None:
     board.show(Room("first"))
     assert get(server, "state.json?after=0") == b"null"
+    board.reason = lambda: "no colour for 6 s"
+    assert json.loads(get(server, "state.json?after=0")) == {"waiting": "no colour for 6 s"}
     board.show(Room("second"))
     assert json.loads(get(server, "state.json?after=0"))["name"] == "second"
 
@@ -218,13 +220,45 @@ def test_while_there_is_no_room_the_node_says_why(board: Board, server: Threadin
     ears = Ears(board, "/left/estimator")
     assert json.loads(get(server, "state.json"))["waiting"] == "nothing is heard of a node /left/estimator"
     ears.on_diagnostics(diagnostics(("motor: estimates", "hot", {}), level=b"\x02"))
-    assert board.reason == "nothing is heard of a node /left/estimator"
+    assert board.reason() == "nothing is heard of a node /left/estimator"
     ears.on_diagnostics(diagnostics(("left/estimator: estimates", "warming up", {})))
-    assert board.reason == "warming up"
+    assert board.reason() == "warming up"
+    own = "left/estimator"
+    ears.on_diagnostics(
+        diagnostics((f"{own}: input colour", "colour at 8 Hz", {}), (f"{own}: estimates", "waiting for frames", {}))
+    )
+    assert board.reason() == "waiting for frames"
     ears.on_diagnostics(diagnostics(("left/estimator: pairing", "no depth for 6 s on /nothing", {}), level=b"\x01"))
     assert json.loads(get(server, "state.json?after=-1")) == {"waiting": "no depth for 6 s on /nothing"}
     ears.on_overlay(overlay(stamp=1))
     assert "number" in json.loads(get(server, "state.json?after=-1"))
+
+
+def test_a_fault_after_the_first_room_reaches_the_page(board: Board, server: ThreadingHTTPServer) -> None:
+    now_s = 100.0
+    ears = Ears(board, "/estimator", lambda: now_s)
+    ears.on_diagnostics(diagnostics(("estimator: input colour", "colour at 30.1 Hz", {})))
+    ears.on_overlay(overlay(stamp=1))
+    number = json.loads(get(server, "state.json?after=-1"))["number"]
+    gone = "no colour for 6 s on /rgb; nobody publishes it"
+    ears.on_diagnostics(diagnostics(("estimator: input colour", gone, {}), level=b"\x02"))
+    now_s += 2.0
+    assert json.loads(get(server, f"state.json?after={number}")) == {"waiting": gone}
+    now_s += 3.0
+    ears.on_diagnostics(diagnostics(("motor: estimates", "hot", {})))  # another's word is not the node's
+    said = json.loads(get(server, f"state.json?after={number}"))
+    assert said == {"waiting": "nothing is heard of /estimator for 5 s"}
+    ears.on_diagnostics(diagnostics(("estimator: input colour", "colour at 8.0 Hz", {})))
+    assert json.loads(get(server, f"state.json?after={number}")) == {"waiting": "colour at 8.0 Hz"}
+
+
+def test_a_page_that_is_opened_late_is_told_how_old_the_room_is(board: Board, server: ThreadingHTTPServer) -> None:
+    board.show(Room("first"))
+    assert json.loads(get(server, "state.json"))["age_s"] < 0.3
+    time.sleep(0.3)
+    assert 0.3 <= json.loads(get(server, "state.json"))["age_s"] < 5
+    board.show(Room("first", overlay=b"more of it"))
+    assert json.loads(get(server, "state.json"))["age_s"] < 0.3
 
 
 def test_the_names_of_the_statuses_are_those_that_the_node_sends(board: Board) -> None:
@@ -283,19 +317,31 @@ def test_names_of_another_form_tell_no_unit(board: Board) -> None:
 
 def test_the_picture_is_that_of_the_numbers_the_page_has(board: Board, server: ThreadingHTTPServer) -> None:
     board.show(Room("first", overlay=b"first"))
-    number = json.loads(get(server, "state.json"))["number"]
+    frame = json.loads(get(server, "state.json"))["frames"]
     board.show(Room("second", overlay=b"second"))
-    assert get(server, f"overlay.jpg?number={number}") == b"first"
-    assert get(server, f"overlay.jpg?number={number + 1}") == get(server, "overlay.jpg") == b"second"
-    for query in ("number=99", "number=x", "number=-1", "number="):
+    assert get(server, f"overlay.jpg?frame={frame}") == b"first"
+    assert get(server, f"overlay.jpg?frame={frame + 1}") == get(server, "overlay.jpg") == b"second"
+    for query in ("frame=99", "frame=x", "frame=-1", "frame="):
         status, _ = ask(server, "localhost", path=f"/overlay.jpg?{query}")
-        assert status == (200 if query == "number=" else 404)
+        assert status == (200 if query == "frame=" else 404)
 
 
-def test_old_pictures_are_not_kept_for_ever(board: Board) -> None:
-    for number in range(100):
-        board.show(Room(f"{number}", overlay=b"jpeg"))
-    assert sum(bool(board.overlay(number)) for number in range(100)) < 20
+def test_a_picture_is_kept_for_16_frames_of_however_many_parts_and_no_longer(
+    board: Board, server: ThreadingHTTPServer
+) -> None:
+    """A node's frame comes in some eight parts, and the page asks for the picture a while after it has the numbers."""
+    ears = Ears(board, "/estimator")
+    pictures: dict[int, bytes] = {}
+    for stamp in range(100):
+        ears.on_overlay(overlay(stamp, shade=2 * stamp))
+        for face in (1, 2, 3, 4, 5, 1, 2):
+            ears.on_polygon(polygon(stamp, face))
+        pictures[json.loads(get(server, "state.json"))["frames"]] = get(server, "overlay.jpg")
+    assert len(set(pictures.values())) == len(pictures) == 100
+    kept = {frame: board.overlay(frame) for frame in pictures if board.overlay(frame)}
+    assert kept == {frame: pictures[frame] for frame in range(85, 101)}
+    assert get(server, "overlay.jpg?frame=85") == pictures[85]
+    assert len(board._overlays) == 16
 
 
 def test_the_time_of_a_frame_is_its_wall_time_and_of_a_node_only_the_stages_are_known(
@@ -384,8 +430,8 @@ def cloud(stamp: int, points: list[tuple[float, float, float]]) -> Any:
     )
 
 
-def overlay(stamp: int) -> Any:
-    pixels = bytes(4 * 6 * 3)
+def overlay(stamp: int, shade: int = 0) -> Any:
+    pixels = bytes([shade]) * (4 * 6 * 3)
     return SimpleNamespace(header=header(stamp), encoding="rgb8", height=4, width=6, step=18, data=pixels)
 
 

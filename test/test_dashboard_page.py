@@ -287,9 +287,9 @@ def test_the_table_is_that_of_the_frame_in_the_picture(page: Page, rooms: list[R
     page.wait()
     for name in ("one", "two"):  # charts wait for each other, half a second; the table does not
         page.board.show(replace(rooms[0], name=name, numbers={"frame": name}))
-        number, _, _ = page.board.look()
+        number, frames, _ = page.board.look()
         page.browser.wait_for(f"drawn === {number}")
-        assert page.browser.value("document.getElementById('overlay').src").endswith(f"number={number}")
+        assert page.browser.value("document.getElementById('overlay').src").endswith(f"frame={frames}")
         assert page.browser.value("document.getElementById('numbers').rows[0].cells[1].textContent") == name
 
 
@@ -328,11 +328,55 @@ def test_nothing_of_all_this_was_an_error(page: Page) -> None:
     assert page.browser.value("document.getElementById('age').textContent").startswith("frame ")
 
 
+def test_the_picture_is_asked_for_before_the_room_is_drawn(page: Page, rooms: list[Room]) -> None:
+    """Drawing may take longer than the server keeps the picture."""
+    page.wait()
+    page.browser.value("""(() => {
+        const react = Plotly.react;
+        performance.clearResourceTimings();  // no more than 250 are noted
+        Plotly.react = (plot, ...rest) => {
+            if (plot === "room") globalThis.drawingAt = performance.now();
+            const end = performance.now() + (plot === "room" ? 1000 : 0);
+            while (performance.now() < end);
+            return react(plot, ...rest);
+        };
+        globalThis.restore = () => { Plotly.react = react; };
+    })()""")
+    page.board.show(replace(rooms[0], name="slowly drawn"))
+    page.wait()
+    frame = page.board.look()[1]
+    requests = "performance.getEntriesByType('resource')"
+    asked = page.browser.value(f"{requests}.find(e => e.name.endsWith('frame={frame}')).startTime")
+    assert asked <= page.browser.value("restore() || drawingAt")
+
+
+AGE, NUMBERS = "document.getElementById('age')", "document.getElementById('numbers')"
+
+
+def test_why_no_other_room_comes_is_said_when_the_last_is_old(rooms: list[Room], tmp_path: Path) -> None:
+    board, why = Board("node /estimator"), "no colour for 13 s on </rgb>"
+    board.reason = lambda: why
+    board.show(replace(rooms[0], name="at 1 s"))
+    for page in open_page(board, tmp_path):
+        page.wait()
+        page.browser.wait_for(f"{AGE}.className === 'bad'")
+        match = re.fullmatch(r"frame at 1 s, (\d+\.\d) s ago: (.*)", page.browser.value(f"{AGE}.textContent"))
+        assert match is not None
+        assert float(match[1]) > 3.0
+        assert match[2] == why
+        assert page.browser.value(f"{NUMBERS}.className") == "old", "they are no longer true"
+        page.board.show(replace(rooms[1], name="at 2 s"))
+        page.browser.wait_for(f"{AGE}.textContent.startsWith('frame at 2 s, ')")
+        page.browser.wait_for(f"/^frame at 2 s, [0-2].. s ago$/.test({AGE}.textContent) && {AGE}.className === ''")
+        assert page.browser.value(f"{NUMBERS}.className") == ""
+        assert page.browser.errors == []
+
+
 def test_a_page_without_a_room_waits_and_says_when_the_dashboard_ends(tmp_path: Path) -> None:
     for page in open_page(Board("nothing yet"), tmp_path):
         page.browser.wait_for("performance.now() > 1000")
         assert page.browser.value("document.getElementById('age').textContent") == "waiting for the first room"
-        page.board.reason = "no depth on </nothing>"
+        page.board.reason = lambda: "no depth on </nothing>"
         page.browser.wait_for(
             "document.getElementById('age').textContent === 'waiting for the first room: no depth on </nothing>'"
         )

@@ -75,8 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
     finally:
         server.shutdown()
         server.server_close()
-    if board.look()[0] < 0 and board.reason:
-        print(f"no room was shown: {board.reason}", file=sys.stderr)
+    if board.look()[0] < 0 and (reason := board.reason()):
+        print(f"no room was shown: {reason}", file=sys.stderr)
     return 0
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,6 +25,8 @@ SETTLE_S = 0.1
 """The messages of one frame come one after another, within this time."""
 
 _KEPT = 8
+_SILENCE_S = 3.0
+"""A node says how it is every second; without a word for so long what it said last is no longer true."""
 _STAGE = "stage_ms: "
 _JPEG_QUALITY = 85
 _MOST_CELLS = 4_000_000
@@ -49,11 +52,13 @@ class Ears:
     ----------
     board : where the rooms are shown.
     node : name of the node to listen to, with its namespace.
+    clock : the time in seconds.
     """
 
-    def __init__(self, board: Board, node: str) -> None:
-        self._board, self._node = board, node
-        board.reason = f"nothing is heard of a node {node}"
+    def __init__(self, board: Board, node: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self._board, self._node, self._clock = board, node, clock
+        self._said: tuple[float, str] | None = None
+        board.reason = self.reason
         self._heard: OrderedDict[int, _Heard] = OrderedDict()
         self._numbers: dict[str, str] = {}
         self._stages: dict[str, float] = {}
@@ -70,6 +75,14 @@ class Ears:
             Listener(f"{node}/floor", "sensor_msgs/msg/PointCloud2", 2, self.on_floor),
             Listener("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 10, self.on_diagnostics),
         ]
+
+    def reason(self) -> str:
+        """Return what the node says of itself, its troubles alone where it has any; or that it says nothing."""
+        said = self._said
+        if said is None:
+            return f"nothing is heard of a node {self._node}"
+        silence = self._clock() - said[0]
+        return said[1] if silence < _SILENCE_S else f"nothing is heard of {self._node} for {silence:.0f} s"
 
     def on_polygon(self, message: Any) -> None:
         """Take one face."""
@@ -117,8 +130,10 @@ class Ears:
         own = f"{self._node.strip('/')}: "
         ours = [status for status in message.status if str(status.name).startswith(own)]
         if ours:
-            troubles = [str(status.message)[:120] for status in ours if status.level != _OK]
-            self._board.reason = "; ".join(troubles) or str(ours[0].message)[:120]
+            troubles = [status for status in ours if status.level != _OK]
+            # Without trouble how the estimates go is more than how the camera does.
+            words = troubles or [status for status in ours if status.name == f"{own}estimates"] or ours[:1]
+            self._said = self._clock(), "; ".join(str(status.message)[:120] for status in words)
         for status in ours:
             self._numbers[str(status.name).removeprefix(own)[:60]] = str(status.message)[:120]
             self._take_values({str(value.key): str(value.value) for value in status.values})

@@ -29,6 +29,7 @@ h2 { font-size:13px; color:var(--soft); margin:0 0 8px; font-weight:600 }
 #overlay:not([src]) { visibility:hidden }
 #room { height:620px } #plan, #stages, #rate { height:380px }
 table { border-collapse:collapse; width:100%; font-variant-numeric:tabular-nums; margin-top:8px }
+#numbers.old { opacity:.45 }
 td { padding:3px 0; border-bottom:1px solid var(--line) } td:last-child { text-align:right }
 @media (max-width:1100px) { .third { grid-column:span 6 } .wide, .less, .third:last-child { grid-column:span 12 } }
 @media (max-width:700px) { .third { grid-column:span 12 } #room { height:420px } main, header { padding-inline:10px } }

@@ -8,6 +8,7 @@ const INK = "#c9d1dc", LINE = "#303743", FONT = {color: INK, family: "system-ui,
 const config = (buttons, more) => ({responsive: true, displaylogo: false, plotGlPixelRatio: 1,
   displayModeBar: buttons.length > 0, modeBarButtons: [buttons], ...more});
 const REACH = 12;  // metres of the room that are shown in each direction
+const OLD_S = 3;  // a room that is older is not the newest that there should be
 const POLL_MS = 100, REST_MS = 20, CHART_MS = 500;  // between questions, least pause after drawing, between charts
 const decode = (text, Type) => new Type(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
 const dark = more => ({
@@ -140,7 +141,8 @@ function release() {
 // Plotly keeps the new view at the mouseup that comes right after the pointerup.
 for (const end of ["pointerup", "pointercancel"]) addEventListener(end, () => setTimeout(release, 50), true);
 async function draw(state) {
-  if (state.overlay) $("overlay").src = "overlay.jpg?number=" + state.number;
+  if (state.overlay) $("overlay").src = "overlay.jpg?frame=" + state.frames;
+  await null;  // The browser asks for the picture here: the first drawing may take longer than a picture is kept.
   drawNumbers(state);  // of the frame in the picture
   if (held) waiting = state; else await drawRoom(state);
   await drawPlan(state);
@@ -154,20 +156,23 @@ async function chart(state) {
   await Promise.all([drawStages(state), drawRate(state)]);
 }
 function tellAge(answered) {
-  const age = (performance.now() - drawnAt) / 1000;
-  $("age").className = !answered || (shown >= 0 && age > 3) ? "bad" : "";
+  const age = (performance.now() - drawnAt) / 1000, old = shown >= 0 && age > OLD_S;
+  const why = reason && (old || shown < 0) ? `: ${reason}` : "";
+  $("age").className = !answered || old ? "bad" : "";
   $("age").textContent = !answered ? "the dashboard has ended"
-    : shown < 0 ? "waiting for the first room" + (reason && `: ${reason}`) : `frame ${name}, ${age.toFixed(1)} s ago`;
+    : (shown < 0 ? "waiting for the first room" : `frame ${name}, ${age.toFixed(1)} s ago`) + why;
+  $("numbers").className = old && why ? "old" : "";  // they say what was so then
 }
 let newest = null, reason = "";
 async function poll() {
   const begun = performance.now();
-  // undefined: no answer. null: nothing new.
+  // undefined: no answer. null: nothing new. waiting: nothing new, and why.
   const state = await fetch("state.json?after=" + shown).then(answer => answer.json()).catch(() => undefined);
   try {
     if (state && "waiting" in state) reason = state.waiting;
     else if (state) {
-      newest = state; shown = state.number; name = state.name; drawnAt = performance.now();
+      newest = state; shown = state.number; name = state.name;
+      drawnAt = performance.now() - 1000 * state.age_s;  // a page that is opened late gets an old room
       await draw(state);
       drawn = state.number;
     }

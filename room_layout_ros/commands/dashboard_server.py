@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections import OrderedDict
+from collections.abc import Callable
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
@@ -21,7 +22,7 @@ from .dashboard_page import dashboard_html
 from .dashboard_room import Room, state_of
 
 _KEPT = 16
-"""Overlays of so many rooms are kept: the page asks for the picture after it has the numbers."""
+"""Pictures of so many frames are kept: the page asks for the picture after it has the numbers."""
 
 HOST = "127.0.0.1"
 """No other address: the page shows the inside of somebody's room."""
@@ -43,20 +44,21 @@ class Board:
         self.page = dashboard_html(source).encode()
         self._settle_s = settle_s
         self._lock = threading.Lock()
-        self._begun = 0.0
+        self._begun = self._came = 0.0
         self._newest = self._before = (-1, 0, Room(""))
         self._overlays: OrderedDict[int, bytes] = OrderedDict()
-        self.reason = ""
-        """Why there is no room yet, in words; any thread may write it."""
+        self.reason: Callable[[], str] = str
+        """Says in words why no room comes, "" where nothing is to say; it is called by any thread."""
 
     def show(self, room: Room) -> None:
         """Replace what is shown; a room of the same name is the same frame with more of its parts."""
         with self._lock:
             number, frames, newest = self._newest
+            self._came = time.monotonic()
             if frames == 0 or room.name != newest.name:
-                self._before, self._begun, frames = self._newest, time.monotonic(), frames + 1
+                self._before, self._begun, frames = self._newest, self._came, frames + 1
             self._newest = number + 1, frames, room
-            self._overlays[number + 1] = room.overlay
+            self._overlays[frames] = room.overlay
             while len(self._overlays) > _KEPT:
                 self._overlays.popitem(last=False)
 
@@ -66,10 +68,14 @@ class Board:
             settled = time.monotonic() - self._begun >= self._settle_s
             return self._newest if settled else self._before
 
-    def overlay(self, number: int) -> bytes:
-        """Return the overlay of the room with this running number; none where it is no longer kept."""
+    def age_s(self) -> float:
+        """Return the seconds since anything was shown."""
+        return time.monotonic() - self._came
+
+    def overlay(self, frame: int) -> bytes:
+        """Return the overlay of a frame, which is the first, second ... that was shown; none where it is not kept."""
         with self._lock:
-            return self._overlays.get(number, b"")
+            return self._overlays.get(frame, b"")
 
 
 def plotly_script() -> bytes:
@@ -131,26 +137,31 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer_this_machine()
 
     def _answer_this_machine(self) -> None:
-        number, frames, room = self.shown.look()
         url = urlsplit(self.path)
         if url.path == "/":
             self._answer(self.shown.page, "text/html; charset=utf-8")
         elif url.path == "/plotly.min.js":
             self._answer(self.plotly, "text/javascript; charset=utf-8")
-        elif url.path == "/state.json" and number < 0:
-            self._answer(json.dumps({"waiting": self.shown.reason}).encode(), "application/json")
-        elif url.path == "/state.json" and parse_qs(url.query).get("after") == [str(number)]:
-            self._answer(b"null", "application/json")  # the page has it
         elif url.path == "/state.json":
-            self._answer(json.dumps(state_of(number, frames, room)).encode(), "application/json")
-        elif url.path == "/overlay.jpg" and (overlay := self._overlay(url.query, number)):
+            self._answer(json.dumps(self._state(url.query)).encode(), "application/json")
+        elif url.path == "/overlay.jpg" and (overlay := self._overlay(url.query)):
             self._answer(overlay, "image/jpeg")
         else:
             self.send_error(404)
 
-    def _overlay(self, query: str, newest: int) -> bytes:
-        """Return the picture of the room that the page has numbers of, else of the newest."""
-        asked = parse_qs(query).get("number", [str(newest)])[0]
+    def _state(self, query: str) -> dict[str, Any] | None:
+        """Return the newest room; where the page has it, or there is none, why no other comes; None: nothing to say."""
+        number, frames, room = self.shown.look()
+        reason = self.shown.reason()
+        if number < 0:
+            return {"waiting": reason}
+        if parse_qs(query).get("after") == [str(number)]:
+            return {"waiting": reason} if reason else None
+        return {**state_of(number, frames, room), "age_s": self.shown.age_s()}
+
+    def _overlay(self, query: str) -> bytes:
+        """Return the picture of the frame that the page has numbers of, else of the newest."""
+        asked = parse_qs(query).get("frame", [str(self.shown.look()[1])])[0]
         return self.shown.overlay(int(asked)) if asked.isascii() and asked.isdecimal() and len(asked) < 12 else b""
 
     def _answer(self, content: bytes, kind: str, status: HTTPStatus = HTTPStatus.OK) -> None:
