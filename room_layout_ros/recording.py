@@ -60,7 +60,9 @@ class Recorder(Node):
         self._typestore = get_typestore(Stores.ROS2_JAZZY)
         self.counts: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()
-        self._missing = [self.resolve_topic_name(topic) for topic in topics]
+        self.topics = sorted({self.resolve_topic_name(topic) for topic in topics})
+        self.missing = list(self.topics)
+        """Those that nobody has published so far."""
         self._messages: queue.Queue[Message | None] = queue.Queue(_WAITING)
         self.failure = ""
         """Why the bag cannot be written; "" while it can."""
@@ -75,10 +77,10 @@ class Recorder(Node):
         self._writer.join()
 
     def _look(self) -> None:
-        for topic in list(self._missing):
+        for topic in list(self.missing):
             publishers = self.get_publishers_info_by_topic(topic)
             if publishers:
-                self._missing.remove(topic)
+                self.missing.remove(topic)
                 self._subscribe(topic, publishers)
 
     def _subscribe(self, topic: str, publishers: Sequence[Any]) -> None:
@@ -132,6 +134,8 @@ def _write(bag: Path, typestore: Any, messages: queue.Queue[Message | None]) -> 
 def main(args: Sequence[str] | None = None) -> int:
     """Record until SIGINT or SIGTERM, or --seconds; prints {"topic": [messages, lost]} as JSON.
 
+    All topics asked for are in it; a line on stderr names each that nobody publishes.
+
     Returns 0, or 2 after one sentence where a name, the domain or the folder is wrong or the disk is full.
     """
     parser = argparse.ArgumentParser(prog="room_layout_ros.recording", description=__doc__)
@@ -150,7 +154,9 @@ def main(args: Sequence[str] | None = None) -> int:
         if recorder.failure:
             print(f"recording: {recorder.failure}", file=sys.stderr)
             return 2
-        print(json.dumps({t: [recorder.counts[t], recorder.lost[t]] for t in sorted(recorder.counts)}), flush=True)
+        for topic in recorder.missing:
+            print(f"recording: nobody publishes {topic}", file=sys.stderr)
+        print(json.dumps({t: [recorder.counts[t], recorder.lost[t]] for t in recorder.topics}), flush=True)
     except KeyboardInterrupt:
         pass
     finally:

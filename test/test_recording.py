@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import resource
 import time
@@ -16,7 +17,7 @@ pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
 pytest.importorskip("rosbags", reason="rosbags is not installed (pip: extra playback)")
 
 import rclpy
-from processes import python, rest
+from processes import python, rest, slack
 
 from msg_adapters import messages
 from msg_adapters.encode_image import encode_image
@@ -43,6 +44,26 @@ def refused(repository: Path, *arguments: str, **variables: str) -> str:
     assert recorder.returncode == 2, said
     assert said.count("\n") == 1, said
     return said
+
+
+def recorded(repository: Path, *arguments: str) -> tuple[list[str], dict[str, list[int]]]:
+    """Return what a recorder that ends by itself says, and its counts, the last line."""
+    with python(repository, *RECORDING, *arguments) as recorder:
+        said = rest(recorder, 30 * slack())
+    assert recorder.returncode == 0, said
+    *lines, counts = said.splitlines()
+    return lines, json.loads(counts)
+
+
+def test_topics_that_brought_nothing_are_counted_and_those_that_nobody_publishes_named(
+    repository: Path, tmp_path: Path, node: Any
+) -> None:
+    quiet, misspelt = f"/quiet{os.getpid()}", f"/misspelt{os.getpid()}"
+    node.create_publisher(messages.Image, quiet, 10)
+    out = ("--seconds", f"{3 * slack():g}", "--out", str(tmp_path / "bag"))
+    lines, counts = recorded(repository, quiet, misspelt, misspelt, *out)
+    assert counts == {quiet: [0, 0], misspelt: [0, 0]}
+    assert lines == [f"recording: nobody publishes {misspelt}"]
 
 
 def test_it_does_not_overwrite(repository: Path, tmp_path: Path) -> None:
