@@ -421,6 +421,18 @@ def test_a_low_robot_passes_under_what_a_tall_one_hits() -> None:
     assert cell_at(low, 2.0, 0.0) == FREE_CELL
 
 
+@pytest.mark.parametrize(("sill_m", "stands"), [(0.014, False), (0.017, False), (0.03, True)])
+def test_what_is_lower_than_the_lowest_obstacle_is_none(sill_m: float, stands: bool) -> None:
+    """A door sill across the way; the mean height of its cells is told to a millimetre."""
+    sill = Solid(0.4, 0.0, 0.0, 0.25, 1.6, 0.0, sill_m, 40, GREY, thing=1)
+    sample = render(empty(sill), KINECT, camera_pose(-1.4, 0.0, 0.8, 0.0, -0.35), CLEAN)
+    found = free_space_of(sample.frame, with_truth(sample))
+    assert found is not None
+    over = ahead_of(found, (1.7, 1.9), 0.5)
+    assert (over == 100).any() == stands
+    assert (ahead_of(found, (1.0, 1.6), 0.5) == FREE_CELL).mean() > 0.9
+
+
 @pytest.mark.parametrize("robot_m", [0.08, 0.1, 0.15])
 def test_a_robot_of_less_than_20_cm_is_kept_from_below_a_bed_too(robot_m: float) -> None:
     """Of a bed on feet of 6 cm the picture shows a row or two below the robot's height."""

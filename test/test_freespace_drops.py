@@ -109,6 +109,24 @@ def test_a_given_floor_is_kept_and_what_lies_below_it_is_not_free(
         assert beyond <= MOST_BEYOND[noise], f"{view}"
 
 
+@pytest.mark.parametrize("pitch_deg", [2.0, -2.0])
+@pytest.mark.parametrize("drop_m", [0.0, 0.3, 0.75])
+def test_before_a_drop_a_pose_that_lags_keeps_the_floor_on_which_the_robot_stands(
+    estimator: LayoutEstimator, drop_m: float, pitch_deg: float
+) -> None:
+    """A robot brakes, and TF is 2 degrees late; the label of floor goes to the lower level."""
+    c, s = np.cos(np.deg2rad(pitch_deg)), np.sin(np.deg2rad(pitch_deg))
+    turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    for view in VIEWS:
+        frame, down = before_a_drop(view, drop_m, "kinect")
+        found, before, beyond = free_of(estimator, frame, FloorPlane(turn @ down, view[1], "tf"), view[0])
+        assert found is not None
+        assert found.source == "tf+depth", f"{view}"
+        assert found.T_camera_floor[:3, 2] @ down < -np.cos(np.deg2rad(0.5)), f"{view}"
+        assert before > 50, f"{view}"
+        assert beyond == 0, f"{view}"
+
+
 @pytest.mark.parametrize(("drop_m", "noise"), CASES)
 def test_without_a_given_floor_it_is_the_nearer_level_or_none(
     estimator: LayoutEstimator, drop_m: float, noise: str

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from .cell_margins import keep_away
 from .config import EstimatorConfig
 from .depth import MAD_TO_SIGMA
+from .doorways import CLOSED, OPEN, wall_at
 from .floor_cells import (
     BLIND,
     BRIDGE,
@@ -48,8 +49,10 @@ _BRIDGE_CELLS = 2
 
 _RANGE_BAND_M = 0.5
 _MIN_BAND_CELLS = 10
-_LOW_SHARE = 0.6
-_LOW_SIGMAS = 4.0
+_LOW_SHARE, _LOW_SIGMAS = 0.6, 4.0
+"""Floor whose mean in a cell is higher than its noise by so many deviations is a thing. Where single pixels do not tell
+what is as high as counts, so much of that height is enough, for a cell may be filled in part."""
+
 _DOUBT_HEIGHT_SHARE = 0.5
 _DOUBT_SIGMAS = 3.0
 _PATCH_SHARE = 0.2
@@ -92,18 +95,18 @@ def floor_levels(cells: FloorCells) -> Levels:
     return Levels(*_levels(cells.sums, cells.corner))
 
 
-def occupied_cells(cells: FloorCells, levels: Levels, config: EstimatorConfig) -> NDArray[np.bool_]:
+def occupied_cells(
+    cells: FloorCells, levels: Levels, sigma_m: NDArray[np.float64], config: EstimatorConfig
+) -> NDArray[np.bool_]:
     """Return (rows, cols) bool: part of a patch with enough surface above the noise, or floor that is too high.
 
     The surface is summed over the patch of touching cells: a thing of 3 cm may lie across four of them, while the
-    ripple of the sensor makes small patches everywhere.
+    ripple of the sensor makes small patches everywhere. `sigma_m` : of `FloorFit`, noise of the height of pixels.
     """
     some = _in_patch(cells.sums, _PATCH_SHARE * config.obstacle_min_area)
     count, patch = cv2.connectedComponents(some, connectivity=8)
-    raised = (_LOW_SHARE * config.obstacle_min_height_m, _LOW_SIGMAS)
-    thing = _things(
-        cells.sums, patch, count, config.obstacle_min_area, cells.corner, levels.height_m, levels.sigma_m, raised
-    )
+    limits = config.obstacle_min_area, config.obstacle_min_height_m, config.obstacle_noise_factor
+    thing = _things(cells.sums, patch, count, cells.corner, levels.height_m, levels.sigma_m, sigma_m, limits)
     return np.asarray(thing)
 
 
@@ -118,7 +121,7 @@ def decide_cells(
     thing: NDArray[np.bool_],
     doubt: NDArray[np.bool_],
     fit: FloorFit,
-    walls: NDArray[np.float64],
+    walls: tuple[NDArray[np.float64], NDArray[np.float64]],
     view: tuple[float, float],
     focal_px: float,
     config: EstimatorConfig,
@@ -129,7 +132,7 @@ def decide_cells(
     ----------
     levels : of `floor_levels`. thing : (rows, cols) bool of `occupied_cells`.
     doubt : (rows, cols) bool, something may stand there (`find_low_things`).
-    walls : (n, 4) float64 of `walls_on_floor`.
+    walls : (n, 4) float64 of `walls_on_floor`, and what `see_walls` tells of them.
     view : bearings of what is in the picture (`view_fan`). focal_px : float.
     """
     grid, reach = _decide(
@@ -140,7 +143,7 @@ def decide_cells(
             _BRIDGE_CELLS if config.free_by_picture else 0,
         ),
     )  # fmt: skip
-    keep_away(grid, reach, cells, walls, config.obstacle_margin_m)
+    keep_away(grid, reach, cells, walls[0], config.obstacle_margin_m)
     return np.asarray(grid)
 
 
@@ -187,9 +190,10 @@ def _in_patch(sums, least):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _things(sums, patch, count, least, corner, height, sigma, raised):  # type: ignore[no-untyped-def]
+def _things(sums, patch, count, corner, height, sigma, noise_m, limits):  # type: ignore[no-untyped-def]
     rows, cols, _ = sums.shape
-    lowest, sigmas = raised
+    x0, y0, size = corner
+    least, lowest, factor = limits
     total = np.zeros(count)
     for i in range(rows):
         for j in range(cols):
@@ -198,7 +202,10 @@ def _things(sums, patch, count, least, corner, height, sigma, raised):  # type: 
     for i in range(rows):
         for j in range(cols):
             stands = patch[i, j] > 0 and total[patch[i, j]] >= least and not _is_tail(sums, corner, i, j)
-            thing[i, j] = stands or height[i, j] > max(lowest, sigmas * sigma[i, j])
+            r = np.sqrt((x0 + (j + 0.5) * size) ** 2 + (y0 + (i + 0.5) * size) ** 2)
+            pixels_tell = factor * band_sigma(noise_m, r) <= lowest
+            limit = lowest if pixels_tell else _LOW_SHARE * lowest
+            thing[i, j] = stands or height[i, j] > max(limit, _LOW_SIGMAS * sigma[i, j])
     return thing
 
 
@@ -246,8 +253,11 @@ def _is_floor(sums, i, j, least, bridge_cells):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _by_walls(sums, i, j, x, y, walls, size, least_seen):  # type: ignore[no-untyped-def]
-    """Whether the middle of a cell is inside all walls, and whether one of them runs through it (no open door)."""
+def _by_walls(sums, i, j, x, y, walls, seen, size, least_seen):  # type: ignore[no-untyped-def]
+    """Whether the middle of a cell is inside all walls, and whether one of them runs through it (no open door).
+
+    `seen` : of `see_walls`.
+    """
     rows, cols, _ = sums.shape
     inside, on_wall, near_room = True, False, True
     for k in range(len(walls)):
@@ -258,7 +268,8 @@ def _by_walls(sums, i, j, x, y, walls, size, least_seen):  # type: ignore[no-unt
             # The foot of a wall looks like floor a cell behind it; an open door shows floor farther on.
             m = min(max(i + int(np.rint(_BEHIND_WALL_CELLS * b)), 0), rows - 1)
             n = min(max(j + int(np.rint(_BEHIND_WALL_CELLS * a)), 0), cols - 1)
-            on_wall = on_wall or sums[m, n, SEEN] < least_seen
+            told = wall_at(seen, x, y, size)
+            on_wall = on_wall or told == CLOSED or (told != OPEN and sums[m, n, SEEN] < least_seen)
     return inside, on_wall and near_room
 
 
@@ -267,6 +278,7 @@ def _decide(sums, corner, things, height, sigma, walls, view, focal, fit, limits
     """Cells by what they hold, without their surroundings; and how near and far what stands in them may reach."""
     x0, y0, size = corner
     thing, doubt = things
+    planes, seen = walls
     noise_m, distance = fit
     least_seen, least_area, lowest, bridge_cells = limits
     rows, cols, _ = sums.shape
@@ -278,7 +290,7 @@ def _decide(sums, corner, things, height, sigma, walls, view, focal, fit, limits
         y = y0 + (i + 0.5) * size
         for j in range(cols):
             x = x0 + (j + 0.5) * size
-            inside, on_wall = _by_walls(sums, i, j, x, y, walls, size, least_seen)
+            inside, on_wall = _by_walls(sums, i, j, x, y, planes, seen, size, least_seen)
             if on_wall and view[0] <= np.arctan2(y, x) <= view[1]:
                 grid[i, j] = OCCUPIED_CELL
             if not inside:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from .config import EstimatorConfig
 from .depth import DepthGeometry, compute_depth_geometry
 from .depth_holes import close_holes
+from .doorways import see_walls
 from .estimate import RoomEstimate
 from .floor_cells import (
     FREE_CELL,
@@ -204,10 +205,11 @@ def _decide(
     cells, T, inverse_depth, camera = seen.cells, seen.T_camera_floor, seen.geometry.inverse_depth, seen.geometry.camera
     corner, margin = cells.corner, config.obstacle_margin_m
     levels = floor_levels(cells)
-    thing = occupied_cells(cells, levels, config)
+    thing = occupied_cells(cells, levels, seen.fit.sigma_m, config)
     low, doubt = find_low_things(color, cells, levels, thing, config)
     thing |= low
-    grid = decide_cells(cells, levels, thing, doubt, seen.fit, seen.barriers, view_fan(camera, T), camera.fx, config)
+    walls = seen.barriers, see_walls(cells.kind, camera, T)
+    grid = decide_cells(cells, levels, thing, doubt, seen.fit, walls, view_fan(camera, T), camera.fx, config)
     hide_above_picture(grid, camera, T, corner, config.free_seen_height_m)
     hide_overhung(grid, inverse_depth, cells.kind, camera, T, corner, config.robot_height_m, margin)
     hide_below_level_things(grid, inverse_depth, cells.kind, estimate.labels, cells.cell, camera, T, corner)
