@@ -359,12 +359,12 @@ def test_why_no_other_room_comes_is_said_when_the_last_is_old(rooms: list[Room],
     board.show(replace(rooms[0], name="at 1 s"))
     for page in open_page(board, tmp_path):
         page.wait()
-        page.browser.wait_for(f"{AGE}.className === 'bad'")
+        page.browser.wait_for(f"{NUMBERS}.className === 'old'")  # they are no longer true
+        assert page.browser.value(f"{AGE}.className") == "bad"
         match = re.fullmatch(r"frame at 1 s, (\d+\.\d) s ago: (.*)", page.browser.value(f"{AGE}.textContent"))
         assert match is not None
         assert float(match[1]) > 3.0
         assert match[2] == why
-        assert page.browser.value(f"{NUMBERS}.className") == "old", "they are no longer true"
         page.board.show(replace(rooms[1], name="at 2 s"))
         page.browser.wait_for(f"{AGE}.textContent.startsWith('frame at 2 s, ')")
         page.browser.wait_for(f"/^frame at 2 s, [0-2].. s ago$/.test({AGE}.textContent) && {AGE}.className === ''")
