@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from .core.config import EstimatorConfig
 from .core.depth import DepthGeometry
-from .core.floor_plane import FloorPlane, lies_on
+from .core.floor_plane import FloorPlane
+from .core.floor_support import lies_on
 from .core.labels import FLOOR
 
 _LEAST_PIXELS = 500

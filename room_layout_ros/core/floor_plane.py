@@ -20,6 +20,7 @@ from .estimate import RoomEstimate
 from .floor_level import height_over, level_of_camera
 from .floor_noise import MIN_BAND_PIXELS, count_heights, sigma_bands, usual_sigma
 from .floor_step import FloorStep, are_before, find_step
+from .floor_support import holds_floor
 from .frame import CameraIntrinsics
 from .labels import CLUTTER, FLOOR
 from .slow_error import measure_slow_error, tiles
@@ -53,17 +54,6 @@ _SHARED_PIXELS, _INVERSE_NOISE = 400.0, 0.0015
 """So many of the fit's pixels share an error (ripple, slow error) of this deviation, 1/m."""
 
 _NOTHING_EXPECTED = np.zeros((3, 4))
-
-_ON_M, _ON_RAD = 0.05, np.deg2rad(1.5)
-"""What is measured no farther than this from a plane, and than this angle seen from the camera, lies on it."""
-
-_LEAST_ON_FIT, _FEW_PIXELS, _LABEL_STRIDE = 0.25, 500, 4
-"""Of what is labelled floor so much, at least, lies on a plane that is the floor (with steps it may be little); of one
-through things next to nothing does. Fewer pixels of it tell nothing; one in so many rows and columns is looked at."""
-
-_PEAK_WIDTHS, _PEAK_SHARE, _LEAST_PEAK = 4.0, 0.75, 0.05
-"""What lies on a plane is as thin as its noise; what crosses it is spread. So of what is within so many half widths of
-it the second share lies within one, and fills the third of the picture."""
 
 _GATHER_M = 0.35
 """Pixels farther above or below the start are no floor, however wrong the start is."""
@@ -180,37 +170,11 @@ def _fit_given(
     seen, tolerance_m = _from_cuboid(estimate), config.floor_tolerance_m
     for start in (seen, prior):  # held loosely both: the cuboid's floor may be the other level of a step
         fit = None if start is None else _fit(geometry, estimate.labels, config, start, tolerance_m)
-        if fit and _is_near(fit, prior, tolerance_m) and _holds_floor(fit, geometry, estimate.labels):
+        if fit is None or not _is_near(fit, prior, tolerance_m):
+            continue
+        if holds_floor(fit.normal, fit.distance_m, geometry, estimate.labels):
             return replace(fit, source=f"{prior.source}+depth")
     return _as_given(prior, geometry.camera)
-
-
-def _holds_floor(fit: FloorFit, geometry: DepthGeometry, labels: NDArray[np.uint8]) -> bool:
-    """Whether what is labelled floor lies on a fit: clutter that crosses a wrong start makes a plane, too.
-
-    Or whether all that is near it lies on it: before stairs down the label of floor goes to the lower level.
-    """
-    seen, label = geometry.points(_LABEL_STRIDE), labels[::_LABEL_STRIDE, ::_LABEL_STRIDE]
-    some = np.isfinite(seen[..., 2]) & ((label == FLOOR) | (label == CLUTTER))
-    points, floor = seen[some].astype(np.float64), label[some] == FLOOR
-    off_m, depth_m = fit.distance_m - points @ fit.normal, points[:, 2]
-    if np.count_nonzero(floor) * _LABEL_STRIDE**2 < _FEW_PIXELS:
-        return True
-    on_fit = np.mean(lies_on(off_m[floor], depth_m[floor]))
-    return bool(on_fit >= _LEAST_ON_FIT or _is_peak(np.abs(off_m), depth_m, fit.distance_m, label.size))
-
-
-def _is_peak(off_m: NDArray[np.float64], depth_m: NDArray[np.float64], camera_height_m: float, pixels: int) -> bool:
-    """Whether what is so far off a plane, at a depth, lies on it rather than crosses it; of so many pixels in all."""
-    noise_m = 2.0 * depth_sigma(depth_m, NOISE_FLOOR_M, NOISE_QUADRATIC) * camera_height_m / depth_m
-    half_width_m = _HALF_WIDTHS_M[-1] + noise_m
-    on, near = np.count_nonzero(off_m < half_width_m), np.count_nonzero(off_m < _PEAK_WIDTHS * half_width_m)
-    return bool(on >= _LEAST_PEAK * pixels and on >= _PEAK_SHARE * near)
-
-
-def lies_on(off_m: NDArray[np.float64], depth_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether what is measured so far off a plane, at a depth, may be of it."""
-    return np.asarray(np.abs(off_m) < _ON_M + np.tan(_ON_RAD) * depth_m)
 
 
 def _fit(
