@@ -125,14 +125,20 @@ def test_a_frame_of_which_nothing_is_known_is_no_frame_to_fit_confidences_to() -
         fit_confidence([*[known] * 30, replace(known, right=float("nan"))], {})
 
 
-def test_the_models_named_are_those_that_are_calibrated(rooms: Path, tmp_path: Path) -> None:
-    """Weights of 0 know no room: what came true of their estimates is less."""
+def models_with_no_weights(tmp_path: Path, name: str) -> Path:
+    """A folder of the models that ship, the weights of one file all 0."""
     folder = tmp_path / "models"
     folder.mkdir()
     for path in config_folder().glob("*.npz"):
         (folder / path.name).symlink_to(path.resolve())
-    (folder / "joint_rgbd_plain.npz").unlink()
-    save_weights(ModelWeights(np.zeros(N_FEATURES)), folder / "joint_rgbd_plain.npz")
+    (folder / name).unlink()
+    save_weights(ModelWeights(np.zeros(N_FEATURES)), folder / name)
+    return folder
+
+
+def test_the_models_named_are_those_that_are_calibrated(rooms: Path, tmp_path: Path) -> None:
+    """Weights of 0 know no room: what came true of their estimates is less."""
+    folder = models_with_no_weights(tmp_path, "joint_rgbd_plain.npz")
     assert calibrate(rooms, tmp_path / "shipped", "--plain") == 0
     assert calibrate(rooms, tmp_path / "own", "--plain", "--models", str(folder)) == 0
     shipped, own = (load_confidence(tmp_path / out / "confidence_rgbd_plain.npz") for out in ("shipped", "own"))
@@ -202,12 +208,7 @@ def test_each_frame_is_looked_at_by_its_honest_network_and_the_estimator_stays_a
 
 
 def test_honest_networks_look_for_models_of_ones_own_too(tmp_path: Path) -> None:
-    folder = tmp_path / "models"
-    folder.mkdir()
-    for path in config_folder().glob("*.npz"):
-        (folder / path.name).symlink_to(path.resolve())
-    (folder / "joint_rgbd.npz").unlink()
-    save_weights(ModelWeights(np.zeros(N_FEATURES)), folder / "joint_rgbd.npz")
+    folder = models_with_no_weights(tmp_path, "joint_rgbd.npz")
     estimator = calibrate_command._estimator(EstimatorConfig(), SceneFolds(tmp_path), folder)
     assert isinstance(estimator, calibrate_command._HonestEstimator)
     assert not estimator.models[True, True].joint.vector.any()
