@@ -1,9 +1,10 @@
-"""The slow obvious twin of what hides floor below level things: column by column, in Python."""
+"""The slow obvious twin of what hides floor below level things: pixel by pixel, in Python."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass
+from itertools import groupby, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,27 +58,39 @@ def naive_below(
             if 0 <= i < shape[0] and 0 <= j < shape[1]:
                 columns[i, j].add(u)
 
-    def run(u: int, v: int) -> tuple[float, int]:
-        """Width of what is joined in a row, and how many sides of the picture it reaches."""
+    behind = np.zeros(camera.width)
+    """How far behind the first pixel of what each column followed last a thing below it ended."""
+
+    def run(u: int, v: int, strays: int = 0) -> tuple[int, int]:
+        """First and last column of what is joined in a row."""
 
         def joined(a: int, b: int) -> bool:
-            things = kind[v, a] == OBSTACLE_PIXEL and kind[v, b] == OBSTACLE_PIXEL
-            return bool(things and abs(1 / inverse[v, a] - 1 / inverse[v, b]) < corner[2])
+            both = kind[v, a] == OBSTACLE_PIXEL and kind[v, b] == OBSTACLE_PIXEL
+            return bool(both and abs(1 / inverse[v, a] - 1 / inverse[v, b]) < corner[2])
 
         left = right = u
-        while left > 0 and joined(left, left - 1):
-            left -= 1
-        while right < camera.width - 1 and joined(right, right + 1):
-            right += 1
-        return (right - left + 1) / camera.fx / float(inverse[v, u]), (left == 0) + (right == camera.width - 1)
+        while to_left := [k for k in range(left - 1, left - 2 - strays, -1) if k >= 0 and joined(left, k)]:
+            left = to_left[0]
+        while to_right := [k for k in range(right + 1, right + 2 + strays) if k < camera.width and joined(right, k)]:
+            right = to_right[0]
+        return left, right
+
+    def width(left: int, right: int, w: float) -> float:
+        return (right - left + 1) / camera.fx / w
 
     def is_wide(u: int, v: int) -> bool:
-        wide, cut = run(u, v)
-        return wide * 2**cut >= 0.8
+        left, right = run(u, v)
+        return width(left, right, float(inverse[v, u])) * 2 ** ((left == 0) + (right == camera.width - 1)) >= 0.8
 
     def how_deep(u: int, v: int) -> float:
-        wide = run(u, v)[0]
-        return max(1.2, 2.0 * wide) if 0.6 <= wide <= 1.0 else 1.2
+        left, right = run(u, v)
+        wide = width(left, right, float(inverse[v, u]))
+        deep = max(1.2, 2.0 * wide) if 0.6 <= wide <= 1.0 else 1.2
+        left, right = run(u, v, strays=2)
+        legs = [list(leg) for is_leg, leg in groupby(behind[left : right + 1], lambda b: b > 0.0) if is_leg]
+        pixels_per_m = camera.fx * float(inverse[v, u])
+        found = [max(leg) + 0.2 for leg in legs if len(leg) <= 0.15 * pixels_per_m and max(leg) <= 2.0]
+        return max([deep, *found])
 
     def leave(thing: Thing | None, u: int, way: Ray, beyond: float) -> None:
         if thing is None or thing.pixels < 2 or min(thing.height, thing.lowest) < 0.12 or beyond < thing.reached:
@@ -103,6 +116,7 @@ def naive_below(
 
     def meet(thing: Thing | None, u: int, v: int) -> Thing:
         way, depth = ray(u, v), 1.0 / float(inverse[v, u])
+        before = thing
         r, h = float(np.hypot(*way[:2])) * depth, stands + way[2] * depth
         if thing is not None:
             closer = thing.lost_from is None and abs(depth - thing.depth_m) < 0.5 * corner[2]
@@ -120,6 +134,7 @@ def naive_below(
                 leave(thing, u, way, r)
                 thing = None
         if thing is None:
+            behind[u] = ends_behind(before, r, h)
             thing, under = Thing(r, h, h, r, depth), v + 1
             while under < camera.height and inverse[under, u] <= 0 and labels[under, u] != FLOOR:
                 under += 1
@@ -132,6 +147,11 @@ def naive_below(
                 mark(u, way, thing.reached, r)
         thing.height, thing.reached, thing.depth_m, thing.lost_from = h, r, depth, None
         return thing
+
+    def ends_behind(thing: Thing | None, r: float, h: float) -> float:
+        if thing is None or thing.pixels < 2 or h - thing.lowest < 0.2:
+            return 0.0
+        return max((thing.reached if thing.lost_from is None else thing.lost_from) - r, 0.0)
 
     def may_be_its(label: int, thing: Thing) -> bool:
         return label == CLUTTER or (label != FLOOR and thing.height - thing.lowest < 0.1)
@@ -148,21 +168,21 @@ def naive_below(
         thing.reached = max(r, thing.reached)
         return thing
 
-    for u in range(camera.width):
-        thing: Thing | None = None
-        for v in range(camera.height - 1, -1, -1):
-            w, way = float(inverse[v, u]), ray(u, v)
-            flies = kind[v, u] == FLYING_PIXEL
-            higher = kind[v, u] == NOTHING and w > 0 and thing is not None and thing.lost_from is None
-            if higher and thing is not None:
-                higher = abs(1 / w - thing.depth_m) < 0.5 * corner[2]
-            if kind[v, u] == OBSTACLE_PIXEL or higher:
-                thing = meet(thing, u, v)
-            elif thing is not None and (w <= 0 or flies) and may_be_its(int(labels[v, u]), thing):
-                thing = go_on(thing, u, way)
-            elif thing is not None:
-                leave(thing, u, way, float(np.hypot(*way[:2])) / w if w > 0 and not flies else np.inf)
-                thing = None
+    things: list[Thing | None] = [None] * camera.width
+    for v, u in product(range(camera.height - 1, -1, -1), range(camera.width)):
+        thing, w, way = things[u], float(inverse[v, u]), ray(u, v)
+        flies = kind[v, u] == FLYING_PIXEL
+        higher = kind[v, u] == NOTHING and w > 0 and thing is not None and thing.lost_from is None
+        if higher and thing is not None:
+            higher = abs(1 / w - thing.depth_m) < 0.5 * corner[2]
+        if kind[v, u] == OBSTACLE_PIXEL or higher:
+            things[u] = meet(thing, u, v)
+        elif thing is not None and (w <= 0 or flies) and may_be_its(int(labels[v, u]), thing):
+            things[u] = go_on(thing, u, way)
+        elif thing is not None:
+            leave(thing, u, way, float(np.hypot(*way[:2])) / w if w > 0 and not flies else np.inf)
+            things[u] = None
+    for u, thing in enumerate(things):
         if thing is not None:
             leave_picture(thing, u)
     hidden = np.zeros(shape, np.bool_)

@@ -34,7 +34,7 @@ def pose(pitch: float, roll: float = 0.0) -> NDArray[np.float64]:
 
 
 def slabs(rng: np.random.Generator, T: NDArray[np.float64]) -> View:
-    """Level tops at random places and heights, some of their pixels without depth, before a wall at 5 m."""
+    """Level tops on a leg at random places and heights, some pixels without depth, before a wall at 5 m."""
     v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
     pixels = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones(u.shape)], axis=-1)
     rays = pixels @ T[:3, :3]
@@ -47,6 +47,10 @@ def slabs(rng: np.random.Generator, T: NDArray[np.float64]) -> View:
                 on = (near - 1e-6 <= x) & (x < near + width) & (abs(y - left) < 0.4) & (abs(h - level) < 0.021)
                 on &= (z > 0.2) & (z < depth)
                 depth[on], thing[on] = z[on], True
+        z = (near + width - 0.1) / rays[..., 0]
+        y, h = rays[..., 1] * z, rays[..., 2] * z + HEIGHT_M
+        on = (abs(y - left) < 0.05) & (h > 0.0) & (h < level) & (z > 0.2) & (z < depth)
+        depth[on], thing[on] = z[on], True
     lost = thing & (rng.random(u.shape) < 0.2)
     inverse = np.where(lost, 0.0, 1.0 / depth).astype(np.float32)
     kind = np.where(thing & ~lost, OBSTACLE_PIXEL, WALL_PIXEL).astype(np.uint8)
@@ -95,6 +99,18 @@ def test_below_a_table_at_the_cameras_height_nothing_is_free(height: float, nois
     # its top covers 1.7-2.5 m ahead, 0.7 m to either side
     assert not (ahead_of(found, (1.75, 2.45), 0.65) == FREE_CELL).any()
     assert (ahead_of(found, (1.2, 1.5), 0.3) == FREE_CELL).mean() > 0.7  # stereo loses some floor
+
+
+@pytest.mark.parametrize("noise", ["clean", "kinect", "stereo"])
+def test_below_a_table_that_is_seen_edge_on_nothing_is_free_up_to_its_farther_legs(noise: str) -> None:
+    """A table of 1.4 x 1.5 m, 75 cm high, at whose edge both legs of its other end are seen to end."""
+    top = Solid(0.7, 0.0, 0.0, 1.5, 1.4, 0.71, 0.75, 5, GREY, thing=1)
+    room = empty(top, *(box(0.7 + x, y, 0.05, 0.71) for x in (-0.7, 0.7) for y in (-0.65, 0.65)))
+    sample = render(room, KINECT, camera_pose(-1.4, 0.0, 0.72, 0.0, -0.15), NOISES[noise], np.random.default_rng(5))
+    found = free_space_of(sample.frame, with_truth(sample))
+    # its top covers 1.35-2.85 m ahead, 0.7 m to either side
+    assert not (ahead_of(found, (1.4, 2.9), 0.6) == FREE_CELL).any()
+    assert (ahead_of(found, (3.1, 3.8), 0.3) == FREE_CELL).mean() > 0.7
 
 
 @pytest.mark.parametrize("label", [CLUTTER, FRONT_WALL])

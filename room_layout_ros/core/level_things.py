@@ -40,6 +40,10 @@ _CUT_OFF = 0.5
 _NARROW_M, _END_M, _TIMES_WIDE = 0.6, 1.0, 2.0
 """An edge of this to this width may be the end of a table that is so many times as long as wide."""
 
+_LEG_M, _LEG_SEEN_M, _OVER_LEGS_M, _AT_LEGS_M = 0.15, 0.2, 0.2, 2.0
+"""What is seen behind an edge, ends at it and is no wider than the first, for the second in height, is a leg of the same
+table, which goes on for the third behind it. No leg is farther than the last."""
+
 _LOW_M, _LONG_M = 0.40, 2.0
 """One that hangs lower than the first is a bed or a sofa, and may go on for the second."""
 
@@ -59,6 +63,9 @@ _BESIDE_M = 0.3
 _CLOSING = np.ones((3, 3), np.uint8)
 """Between two hidden cells there is no free one."""
 
+_STRAYS = 2
+"""So many pixels of noise in a row do not part an edge from its legs."""
+
 _LEVEL = 1e-6
 """Rays that rise or fall by no more are level."""
 
@@ -67,10 +74,11 @@ _SIDEWAYS = 1e-9
 _NOTHING, _PIXEL, _THING, _NO_DEPTH = range(4)
 """What a column follows: nothing, one pixel (it may be a stray), a thing, pixels without depth behind its edge."""
 
-_LAST, _LOWEST, _BEGIN, _WIDE, _UNDERSIDE, _RANGE, _HEIGHT, _LOST_FROM, _DEEP = range(9)
+_LAST, _LOWEST, _BEGIN, _WIDE, _UNDERSIDE, _RANGE, _HEIGHT, _LOST_FROM, _DEEP, _BEHIND = range(10)
 """Of a column: inverse depth of the last pixel of the thing; height of the first, and its distance from below the
 camera; 1 if the thing hangs and is wide anywhere, else 0; how far its underside may go on, by the ray below that (inf);
-as a level surface behind its farthest pixel (0: not yet told).
+as a level surface behind its farthest pixel (0: not yet told). How far behind the first what stands on the floor ends
+at it (0: nothing does).
 Where the depth is lost: the distance from below the camera that was reached; height; since which distance."""
 
 
@@ -108,10 +116,11 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
     over = first, hidden, by_side, width - 1
     above_floor = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
     closer, side = np.float32(0.5 * corner[2]), np.float32(corner[2])
-    follows, columns = np.zeros(width, np.uint8), np.zeros((width, 9))
+    follows, columns = np.zeros(width, np.uint8), np.zeros((width, 10))
     for v in range(height - 1, -1, -1):
         ax0, ax1, ay0, ay1, az0, az1 = pixel_rays(T, intrinsics, v)
-        begin = end = -1  # of what is joined with the last pixel whose width was asked
+        begin = end = edge_end = -1  # of what is joined with the last pixel whose width was asked
+        to_legs = 0.0
         down = T[1, 0] / intrinsics[1], T[1, 1] / intrinsics[1], T[1, 2] / intrinsics[1]  # from a pixel to that below
         for u in range(width):
             what = kind[v, u]
@@ -126,12 +135,15 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
                 look_wide = v % _ROWS == 0 and column[_WIDE] == 0.0
                 if look_wide or column[_DEEP] == 0.0:
                     if u > end:
-                        begin, end = _joined(inverse[v], kind[v], u, side)
+                        begin, end = _joined(inverse[v], kind[v], u, side, 0)
                     wide_m = (end - begin + 1) / (intrinsics[0] * w)
                     if look_wide:
                         column[_WIDE] = _is_wide(wide_m, begin, end, width)
                     if column[_DEEP] == 0.0:
-                        column[_DEEP] = _how_deep(wide_m)
+                        if u > edge_end:
+                            edge_begin, edge_end = _joined(inverse[v], kind[v], u, side, _STRAYS)
+                            to_legs = _to_its_legs(columns[edge_begin : edge_end + 1, _BEHIND], intrinsics[0] * w)
+                        column[_DEEP] = max(_how_deep(wide_m), to_legs)
             if goes_on and (cell[v, u] < 0 or not free[cell[v, u]]):
                 column[_LAST], follows[u] = w, _THING
                 continue
@@ -159,19 +171,18 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
 
 
 @njit(cache=True, nogil=True)
-def _joined(inverse, kind, u, step_m):  # type: ignore[no-untyped-def]
-    """First and last column of what is joined with a pixel of a thing in its row.
+def _joined(inverse, kind, u, step_m, strays):  # type: ignore[no-untyped-def]
+    """First and last column of what is joined with a pixel of a thing in its row, over so many strays.
 
     `step_m` : by how much neighbours of one thing may differ in depth, m.
     """
     ends = [u, u]
     for side, step in enumerate((-1, 1)):
         k = u + step
-        while 0 <= k < len(inverse) and kind[k] == OBSTACLE_PIXEL:
-            before = inverse[k - step]
-            if abs(inverse[k] - before) >= step_m * before * inverse[k]:
-                break
-            ends[side] = k
+        while 0 <= k < len(inverse) and abs(k - ends[side]) <= strays + 1:
+            last = inverse[ends[side]]
+            if kind[k] == OBSTACLE_PIXEL and abs(inverse[k] - last) < step_m * last * inverse[k]:
+                ends[side] = k
             k += step
     return ends[0], ends[1]
 
@@ -191,6 +202,30 @@ def _is_wide(wide_m, first, last, width):  # type: ignore[no-untyped-def]
 def _how_deep(wide_m):  # type: ignore[no-untyped-def]
     """How far a level thing may go on behind an edge of that width, m."""
     return max(_DEEP_M, _TIMES_WIDE * wide_m) if _NARROW_M <= wide_m <= _END_M else _DEEP_M
+
+
+@njit(cache=True, nogil=True)
+def _to_its_legs(behind, pixels_per_m):  # type: ignore[no-untyped-def]
+    """How far a table goes on behind its edge to the last of its legs, m; 0 where none is seen.
+
+    `behind` : `_BEHIND` of each column of the edge.
+    """
+    deep, begin = 0.0, 0
+    for k in range(len(behind) + 1):
+        if k < len(behind) and behind[k] > 0.0:
+            continue
+        if 0 < k - begin <= _LEG_M * pixels_per_m and behind[begin:k].max() <= _AT_LEGS_M:
+            deep = max(deep, behind[begin:k].max() + _OVER_LEGS_M)
+        begin = k + 1
+    return deep
+
+
+@njit(cache=True, nogil=True)
+def _behind(follows, column, r, h, last):  # type: ignore[no-untyped-def]
+    """How far behind a pixel, at that distance and height, a thing ends that is seen below it, m; 0 if none does."""
+    if follows in (_NOTHING, _PIXEL) or h - column[_LOWEST] < _LEG_SEEN_M:
+        return 0.0
+    return max((column[_LOST_FROM] if follows == _NO_DEPTH else last) - r, 0.0)
 
 
 @njit(cache=True, nogil=True)
@@ -251,6 +286,7 @@ def _meet(follows, goes_on, column, w, rays, above_floor, over, u, corner):  # t
         same = goes_on or (near and abs(h - last_height) < _SAME_LEVEL_M)
     if not same:
         _end(follows, column, r, rays, above_floor, over, u, corner)
+        column[_BEHIND] = _behind(follows, column, r, h, last)
         column[_LOWEST], column[_BEGIN], column[_WIDE], column[_DEEP] = h, r, 0.0, 0.0
     elif h >= _HANGS_M:
         _mark(over, u, rays, last, r, corner)
