@@ -35,8 +35,8 @@ from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.manhattan import find_axes
 from room_layout_ros.core.models import Models, load_models, load_scene_network
+from room_layout_ros.core.network.scene_network import compute_scene_scores
 from room_layout_ros.core.observation import Observation, observe
-from room_layout_ros.core.scene_network import compute_scene_scores
 from room_layout_ros.core.superpixels import Superpixels
 from room_layout_ros.core.tracking import TemporalPrior
 from room_layout_ros.core.weights import BLOCKS, ModelWeights, start_weights, uses

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from room_layout_ros.core.models import load_scene_network
-from room_layout_ros.core.scene_layers import (
+from room_layout_ros.core.network.scene_layers import (
     COLUMNS,
     INPUT_HEIGHT,
     INPUT_WIDTH,

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from .core.config import EstimatorConfig
 from .core.depth import DepthGeometry
-from .core.floor_plane import FloorPlane
-from .core.floor_support import lies_on
+from .core.floor.floor_plane import FloorPlane
+from .core.floor.floor_support import lies_on
 from .core.labels import FLOOR
 
 _LEAST_PIXELS = 500
 _STRIDE = 4
 _NEAR_M, _NEAR_RAD = 0.15, np.deg2rad(6.0)
-"""What is measured farther from the given floor than this, and than this angle, is another (core/floor_plane.py)."""
+"""What is measured farther from the given floor than this, and than this angle, is another (`floor_plane.py`)."""
 _BELOW_SHARE = 0.05
 """Of the measured pixels; noise and mirrors are less."""
 _REACH_M = 5.0

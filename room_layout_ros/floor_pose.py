@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from msg_adapters.text import clean_text
 
-from .core.floor_plane import FloorPlane
+from .core.floor.floor_plane import FloorPlane
 from .node_config import FindTransform, NodeConfig, parse_pose
 from .runtime.session import RefusedError
 

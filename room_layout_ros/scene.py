@@ -9,7 +9,7 @@ from .core.config import EstimatorConfig
 from .core.cuboids import ObjectCuboid, compute_object_cuboids
 from .core.depth import DepthGeometry, compute_depth_geometry
 from .core.estimate import RoomEstimate
-from .core.floor_plane import FloorPlane
+from .core.floor.floor_plane import FloorPlane
 from .core.frame import RgbdFrame
 from .core.freespace import FreeSpace, compute_free_space
 from .core.working_size import original_of, restore_estimate

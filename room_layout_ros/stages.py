@@ -16,7 +16,7 @@ from msg_adapters.camera_info import CameraReading
 from msg_adapters.encode_navigation import encode_transform
 
 from .core.estimate import RoomEstimate
-from .core.floor_plane import FloorPlane
+from .core.floor.floor_plane import FloorPlane
 from .core.frame import RgbdFrame
 from .core.tracking import TemporalPrior
 from .core.working_size import resize_frame, resize_keeping

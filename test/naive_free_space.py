@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from room_layout_ros.core.depth import DepthGeometry
-from room_layout_ros.core.floor_cells import FREE_CELL, UNKNOWN_CELL
-from room_layout_ros.core.floor_pixels import (
+from room_layout_ros.core.floor.floor_cells import FREE_CELL, UNKNOWN_CELL
+from room_layout_ros.core.floor.floor_pixels import (
     BEYOND_PIXEL,
     FLOOR_PIXEL,
     FLYING_PIXEL,

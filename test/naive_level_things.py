@@ -9,7 +9,7 @@ from itertools import groupby, product
 import numpy as np
 from numpy.typing import NDArray
 
-from room_layout_ros.core.floor_pixels import FLYING_PIXEL, NOTHING, OBSTACLE_PIXEL
+from room_layout_ros.core.floor.floor_pixels import FLYING_PIXEL, NOTHING, OBSTACLE_PIXEL
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import CLUTTER, FLOOR
 

@@ -10,8 +10,8 @@ from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.cuboids import ObjectCuboid, compute_object_cuboids
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimate import RoomEstimate, Status
-from room_layout_ros.core.floor_frame import floor_frame
-from room_layout_ros.core.floor_plane import FloorPlane
+from room_layout_ros.core.floor.floor_frame import floor_frame
+from room_layout_ros.core.floor.floor_plane import FloorPlane
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.core.freespace import compute_free_space
 from room_layout_ros.core.labels import CLUTTER

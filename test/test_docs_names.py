@@ -137,8 +137,8 @@ SENTENCES = said_by_the_node((REPOSITORY / "docs" / "troubleshooting.md").read_t
 
 @pytest.fixture(scope="module")
 def code() -> Sentences:
-    own = REPOSITORY / "room_layout_ros"
-    folders = (own, own / "runtime", own / "core", own / "decoding", REPOSITORY / "msg_adapters")
+    own, core = REPOSITORY / "room_layout_ros", REPOSITORY / "room_layout_ros" / "core"
+    folders = (own, own / "runtime", core, core / "floor", own / "decoding", REPOSITORY / "msg_adapters")
     return Sentences(file for folder in folders for file in sorted(folder.glob("*.py")))
 
 

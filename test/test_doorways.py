@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from furnished import GREY, ahead_of, empty, free_space_of, with_truth
 
-from room_layout_ros.core.floor_cells import FREE_CELL, OCCUPIED_CELL
+from room_layout_ros.core.floor.floor_cells import FREE_CELL, OCCUPIED_CELL
 from room_layout_ros.core.freespace import FreeSpace
 from room_layout_ros.datasets.synthetic import KINECT, NOISES, SyntheticRoom, camera_pose, render
 from room_layout_ros.datasets.synthetic.room import Decoration, open_door

@@ -14,10 +14,10 @@ from benchmarks._planes import Planes
 from room_layout_ros.cli import main as room_layout
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimate import Status, no_estimate
+from room_layout_ros.core.floor.scan import RangeScan
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, FreeSpace
 from room_layout_ros.core.layout import RoomCuboid
-from room_layout_ros.core.scan import RangeScan
 from room_layout_ros.datasets import FloorMap, FrameTruth, Sample, good_samples
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.datasets.writers import FolderWriter

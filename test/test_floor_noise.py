@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from room_layout_ros.core.floor_noise import sigma_bands
-from room_layout_ros.core.height_bins import BAND_M, BIN_M, BINS
+from room_layout_ros.core.floor.floor_noise import sigma_bands
+from room_layout_ros.core.floor.height_bins import BAND_M, BIN_M, BINS
 
 HEIGHT_M, BANDS = 1.3, 24
 

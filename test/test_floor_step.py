@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from room_layout_ros.core.floor_step import are_before, find_step
+from room_layout_ros.core.floor.floor_step import are_before, find_step
 
 INTRINSICS = (262.5, 262.5, 159.5, 119.5)
 HEIGHT_M = 1.0

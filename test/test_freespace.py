@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.cuboids import compute_object_cuboids
 from room_layout_ros.core.depth import compute_depth_geometry
-from room_layout_ros.core.depth_holes import close_holes
-from room_layout_ros.core.floor_cells import BLIND, BRIDGE, FINE, HOLE, OBSTACLE, SEEN, sum_floor_cells
-from room_layout_ros.core.floor_frame import floor_frame, room_outline, walls_on_floor
-from room_layout_ros.core.floor_pixels import OBSTACLE_PIXEL, WALL_PIXEL
-from room_layout_ros.core.floor_plane import FloorFit, FloorPlane, fit_floor
+from room_layout_ros.core.floor.depth_holes import close_holes
+from room_layout_ros.core.floor.floor_cells import BLIND, BRIDGE, FINE, HOLE, OBSTACLE, SEEN, sum_floor_cells
+from room_layout_ros.core.floor.floor_frame import floor_frame, room_outline, walls_on_floor
+from room_layout_ros.core.floor.floor_pixels import OBSTACLE_PIXEL, WALL_PIXEL
+from room_layout_ros.core.floor.floor_plane import FloorFit, FloorPlane, fit_floor
+from room_layout_ros.core.floor.overhang import hide_overhung
+from room_layout_ros.core.floor.slow_error import remove_bias
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, FreeSpace, compute_free_space
 from room_layout_ros.core.labels import CLUTTER, FLOOR
 from room_layout_ros.core.layout import RoomCuboid
-from room_layout_ros.core.overhang import hide_overhung
-from room_layout_ros.core.slow_error import remove_bias
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import (
     CLEAN,

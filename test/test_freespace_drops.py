@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimator import LayoutEstimator
-from room_layout_ros.core.floor_frame import floor_frame, walls_on_floor
-from room_layout_ros.core.floor_level import level_of_camera
-from room_layout_ros.core.floor_plane import FloorPlane, fit_floor
+from room_layout_ros.core.floor.floor_frame import floor_frame, walls_on_floor
+from room_layout_ros.core.floor.floor_level import level_of_camera
+from room_layout_ros.core.floor.floor_plane import FloorPlane, fit_floor
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.freespace import FREE_CELL, FreeSpace, compute_free_space
 from room_layout_ros.core.labels import CLUTTER, FLOOR

@@ -10,12 +10,12 @@ from furnished import CONFIG, GREY, box, empty, free_space_of, with_truth
 from numpy.typing import NDArray
 
 from room_layout_ros.core.depth import DepthGeometry, compute_depth_geometry
-from room_layout_ros.core.depth_holes import BRIDGED, GAP, close_holes
 from room_layout_ros.core.estimator import LayoutEstimator
-from room_layout_ros.core.floor_plane import FloorFit, fit_floor
+from room_layout_ros.core.floor.depth_holes import BRIDGED, GAP, close_holes
+from room_layout_ros.core.floor.floor_plane import FloorFit, fit_floor
+from room_layout_ros.core.floor.thing_surfaces import smooth_things
 from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, compute_free_space
 from room_layout_ros.core.labels import CLUTTER, FLOOR, FRONT_WALL
-from room_layout_ros.core.thing_surfaces import smooth_things
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import CLEAN, KINECT, STEREO_NOISE, SyntheticRoom, camera_pose, render
 from room_layout_ros.datasets.synthetic.shapes import Material, Solid

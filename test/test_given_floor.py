@@ -12,7 +12,7 @@ from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
-from room_layout_ros.core.floor_plane import FloorFit, FloorPlane, fit_floor
+from room_layout_ros.core.floor.floor_plane import FloorFit, FloorPlane, fit_floor
 from room_layout_ros.core.freespace import free_space_of_frame
 from room_layout_ros.core.tracking import TemporalPrior
 from room_layout_ros.datasets.sample import Sample

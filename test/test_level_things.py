@@ -11,12 +11,12 @@ from furnished import CONFIG, GREY, ahead_of, box, empty, free_space_of, with_tr
 from naive_level_things import naive_below
 from numpy.typing import NDArray
 
-from room_layout_ros.core.floor_cells import FREE_CELL, UNKNOWN_CELL
-from room_layout_ros.core.floor_frame import floor_frame
-from room_layout_ros.core.floor_pixels import FLYING_PIXEL, NOTHING, OBSTACLE_PIXEL, WALL_PIXEL
+from room_layout_ros.core.floor.floor_cells import FREE_CELL, UNKNOWN_CELL
+from room_layout_ros.core.floor.floor_frame import floor_frame
+from room_layout_ros.core.floor.floor_pixels import FLYING_PIXEL, NOTHING, OBSTACLE_PIXEL, WALL_PIXEL
+from room_layout_ros.core.floor.level_things import hide_below_level_things
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import CLUTTER, FLOOR, FRONT_WALL
-from room_layout_ros.core.level_things import hide_below_level_things
 from room_layout_ros.datasets.synthetic import KINECT, NOISES, camera_pose, render
 from room_layout_ros.datasets.synthetic.shapes import Solid
 

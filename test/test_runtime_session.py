@@ -15,7 +15,7 @@ import pytest
 from room_frames import CAMERA, room_frame
 
 from room_layout_ros.core.estimate import RoomEstimate, Status
-from room_layout_ros.core.floor_plane import FloorPlane
+from room_layout_ros.core.floor.floor_plane import FloorPlane
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.tracking import TemporalPrior

@@ -9,8 +9,8 @@ import pytest
 from furnished import CONFIG, box, empty, with_truth
 from numpy.typing import NDArray
 
-from room_layout_ros.core.floor_frame import floor_frame, view_fan
-from room_layout_ros.core.floor_plane import FloorPlane
+from room_layout_ros.core.floor.floor_frame import floor_frame, view_fan
+from room_layout_ros.core.floor.floor_plane import FloorPlane
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.freespace import FreeSpace, free_space_of_frame
 from room_layout_ros.datasets.synthetic import CLEAN, KINECT, KINECT_NOISE, SensorNoise, camera_pose, render

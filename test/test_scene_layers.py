@@ -13,10 +13,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from room_layout_ros.core.convolution import filter_rows, multiply, pack_panels
 from room_layout_ros.core.models import load_scene_network
-from room_layout_ros.core.scene_layers import COLUMNS, INPUT_HEIGHT, INPUT_WIDTH, N_SCORES, ROWS, STAGES, SceneLayers
-from room_layout_ros.core.vector_tiles import HALF_LANES, LANES
+from room_layout_ros.core.network.convolution import filter_rows, multiply, pack_panels
+from room_layout_ros.core.network.scene_layers import (
+    COLUMNS,
+    INPUT_HEIGHT,
+    INPUT_WIDTH,
+    N_SCORES,
+    ROWS,
+    STAGES,
+    SceneLayers,
+)
+from room_layout_ros.core.network.vector_tiles import HALF_LANES, LANES
 
 Image = NDArray[np.float64]
 LOW, HIGH = np.float32(-np.inf), np.float32(np.inf)

@@ -20,8 +20,8 @@ from room_layout_ros.core.color import MAX_BORDER_PX
 from room_layout_ros.core.labels import CLUTTER, N_FACES, N_LABELS
 from room_layout_ros.core.model_file import WeightsError, write_arrays
 from room_layout_ros.core.models import SCENE_FILE, config_folder, load_scene_network
-from room_layout_ros.core.scene_layers import COLUMNS, INPUT_HEIGHT, INPUT_WIDTH, N_SCORES, ROWS, SceneLayers
-from room_layout_ros.core.scene_network import (
+from room_layout_ros.core.network.scene_layers import COLUMNS, INPUT_HEIGHT, INPUT_WIDTH, N_SCORES, ROWS, SceneLayers
+from room_layout_ros.core.network.scene_network import (
     SceneNetwork,
     SceneScores,
     compute_scene_scores,

@@ -12,7 +12,7 @@ from furnished import CONFIG, with_truth
 from room_layout_ros.core.cuboids import compute_object_cuboids
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimator import LayoutEstimator
-from room_layout_ros.core.floor_plane import FloorPlane
+from room_layout_ros.core.floor.floor_plane import FloorPlane
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.core.freespace import FREE_CELL, compute_free_space
 from room_layout_ros.core.layout import RoomCuboid

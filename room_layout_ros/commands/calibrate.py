@@ -26,7 +26,7 @@ from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.labels import N_FACES
 from room_layout_ros.core.models import model_file
-from room_layout_ros.core.scene_network import SceneScores
+from room_layout_ros.core.network.scene_network import SceneScores
 from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, Sample
 from room_layout_ros.datasets.images import read_index
 from room_layout_ros.evaluation.confidence_fit import LEAST_FRAMES, JudgedSigns, fit_confidence, judge_signs

@@ -28,7 +28,7 @@ from room_layout_ros.commands.evaluate import subset_names
 from room_layout_ros.commands.output_folder import make_folder
 from room_layout_ros.commands.topics import open_and_tell
 from room_layout_ros.core.models import SCENE_FILE
-from room_layout_ros.core.scene_network import SceneNetwork, load_network, save_network
+from room_layout_ros.core.network.scene_network import SceneNetwork, load_network, save_network
 from room_layout_ros.datasets import DataError, FramesFolder, good_samples
 from room_layout_ros.extras import install_hint
 from room_layout_ros.learning.fingerprint import fingerprint

@@ -15,12 +15,12 @@ from .labels import CLUTTER, N_LABELS
 from .layout import RoomCuboid
 from .lines import LineSegments
 from .manhattan import ManhattanFrame
+from .network.scene_network import SceneScores
 from .room_balance import balance_faces
 from .room_cells import image_cells, room_cells
 from .room_cost import IMAGE_COSTS, CellCosts, FittedRoom, cell_costs, rate_room
 from .room_refinement import refine_room
 from .room_search import search_room
-from .scene_network import SceneScores
 from .superpixels import Superpixels
 from .wall_naming import rename_walls
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .config import EstimatorConfig
 from .depth import DepthGeometry
 from .estimate import RoomEstimate
-from .floor_frame import walls_on_floor
+from .floor.floor_frame import walls_on_floor
 from .freespace import FreeSpace
 from .labels import CLUTTER
 

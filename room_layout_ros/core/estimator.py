@@ -21,8 +21,8 @@ from .furniture import FurnitureModel, find_furniture
 from .joint import estimate_joint
 from .kernel_furniture import find_furniture_by_kernels, load_kernel_classifier
 from .models import load_models, load_scene_network
+from .network.scene_network import SceneScores, compute_scene_scores
 from .observation import Observation, observe
-from .scene_network import SceneScores, compute_scene_scores
 from .stage_clock import StageClock
 from .tracking import TemporalPrior
 from .upright import Turn

@@ -15,7 +15,7 @@ from .frame import CameraIntrinsics
 from .labels import N_FACES
 from .lines import LineSegments, classify_segments
 from .manhattan import ManhattanFrame
-from .scene_network import SuperpixelScene
+from .network.scene_network import SuperpixelScene
 from .superpixels import Superpixels
 from .wall_naming import rename_walls
 from .weights import uses

@@ -14,32 +14,32 @@ from numpy.typing import NDArray
 
 from .config import EstimatorConfig
 from .depth import DepthGeometry, compute_depth_geometry
-from .depth_holes import close_holes
-from .doorways import see_walls
 from .estimate import RoomEstimate
-from .floor_cells import (
+from .floor.depth_holes import close_holes
+from .floor.doorways import see_walls
+from .floor.floor_cells import (
     FREE_CELL,
     OCCUPIED_CELL,
     UNKNOWN_CELL,
     FloorCells,
     sum_floor_cells,
 )
-from .floor_frame import floor_frame, room_outline, view_fan, walls_on_floor
-from .floor_pixels import FLOOR_PIXEL, OBSTACLE_PIXEL
-from .floor_plane import FloorFit, FloorPlane, fit_floor
+from .floor.floor_frame import floor_frame, room_outline, view_fan, walls_on_floor
+from .floor.floor_pixels import FLOOR_PIXEL, OBSTACLE_PIXEL
+from .floor.floor_plane import FloorFit, FloorPlane, fit_floor
+from .floor.free_cells import blind_cells, decide_cells, floor_levels, occupied_cells
+from .floor.level_things import hide_below_level_things
+from .floor.low_things import find_low_things
+from .floor.overhang import hide_overhung
+from .floor.scan import RangeScan, cast_scan
+from .floor.seen_space import hide_above_picture
+from .floor.sight_lines import in_line_of_sight
+from .floor.slow_error import remove_bias
+from .floor.thing_surfaces import smooth_things
+from .floor.wall_lines import refine_walls
 from .frame import RgbdFrame
-from .free_cells import blind_cells, decide_cells, floor_levels, occupied_cells
-from .level_things import hide_below_level_things
-from .low_things import find_low_things
-from .overhang import hide_overhung
-from .scan import RangeScan, cast_scan
-from .seen_space import hide_above_picture
-from .sight_lines import in_line_of_sight
-from .slow_error import remove_bias
 from .stage_clock import StageClock
-from .thing_surfaces import smooth_things
 from .upright import Turn
-from .wall_lines import refine_walls
 from .working_size import resize_estimate, resize_frame
 
 __all__ = ["FREE_CELL", "OCCUPIED_CELL", "UNKNOWN_CELL", "FreeSpace", "compute_free_space", "free_space_of_frame"]

@@ -10,7 +10,7 @@ from .confidence import ConfidenceModel, load_confidence
 from .evidence.geometric_context import ContextModel, load_context
 from .furniture import FurnitureModel, load_furniture
 from .model_file import WeightsError
-from .scene_network import SceneNetwork, load_network
+from .network.scene_network import SceneNetwork, load_network
 from .weights import ModelWeights, load_weights
 
 SCENE_FILE = "scene.npz"

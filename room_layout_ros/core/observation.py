@@ -19,7 +19,7 @@ from .frame_evidence import map_orientation
 from .joint_problem import FirstParts, gather_first_parts
 from .lines import LineSegments, compute_line_segments
 from .manhattan import ManhattanFrame, find_axes
-from .scene_network import SceneScores, SuperpixelScene, pool_scene
+from .network.scene_network import SceneScores, SuperpixelScene, pool_scene
 from .stage_clock import StageClock
 from .superpixels import Superpixels, compute_superpixels
 from .tracking import TemporalPrior

@@ -18,8 +18,8 @@ from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.frame_evidence import FrameEvidence, classify_superpixels
 from room_layout_ros.core.joint_problem import build_joint_problem
 from room_layout_ros.core.lines import LineSegments
+from room_layout_ros.core.network.scene_network import SceneScores
 from room_layout_ros.core.observation import observe
-from room_layout_ros.core.scene_network import SceneScores
 from room_layout_ros.core.superpixels import Superpixels
 from room_layout_ros.core.wall_naming import rename_walls
 from room_layout_ros.core.working_size import resize_frame

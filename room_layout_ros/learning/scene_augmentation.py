@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.labels import LEFT_WALL, RIGHT_WALL
-from ..core.scene_layers import INPUT_HEIGHT, INPUT_WIDTH, STRIDE
-from ..core.scene_network import normalize_color
+from ..core.network.scene_layers import INPUT_HEIGHT, INPUT_WIDTH, STRIDE
+from ..core.network.scene_network import normalize_color
 from .scene_examples import SceneExamples
 
 _MIRRORED = np.arange(256, dtype=np.uint8)

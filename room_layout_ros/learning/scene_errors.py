@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.labels import CLUTTER
-from ..core.scene_layers import COLUMNS, ROWS
-from ..core.scene_network import SceneNetwork
+from ..core.network.scene_layers import COLUMNS, ROWS
+from ..core.network.scene_network import SceneNetwork
 from .scene_examples import SOME_WALL, SceneExamples
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..core.frame import RgbdFrame
 from ..core.models import SCENE_FILE
-from ..core.scene_network import SceneNetwork, SceneScores, compute_scene_scores, load_network
+from ..core.network.scene_network import SceneNetwork, SceneScores, compute_scene_scores, load_network
 from ..datasets import DataError
 from .folds import SYNTHETIC_FIRST, frame_number, number_blocks
 

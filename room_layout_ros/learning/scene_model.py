@@ -2,7 +2,7 @@
 
 The backbone is EfficientNet-Lite0 (Tan, Le, ICML 2019; without squeeze-and-excitation, ReLU6), which has only
 operations that CPUs do well. The decoder adds its four scales from coarse to fine with depthwise separable
-convolutions. The trained network becomes arrays, which `core.scene_layers` runs.
+convolutions. The trained network becomes arrays, which `core.network.scene_layers` runs.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from torch import nn
 from torch.nn import functional
 
 from ..core.labels import N_FACES, N_LABELS
-from ..core.scene_layers import (
+from ..core.network.scene_layers import (
     BEHIND,
     INPUT_HEIGHT,
     INPUT_WIDTH,
@@ -170,8 +170,8 @@ def load_backbone(model: SceneModel, path: Path) -> None:
 
 
 def export_arrays(model: SceneModel) -> dict[str, NDArray[np.float16]]:
-    """Return the weights of `core.scene_layers.SceneLayers`, norms folded in, rounded to half precision: packed, the
-    file is half as large, and scores change by some hundredths at most.
+    """Return the weights of `core.network.scene_layers.SceneLayers`, norms folded in, rounded to half precision:
+    packed, the file is half as large, and scores change by some hundredths at most.
     """
     arrays = {"position": model.position[0].permute(1, 2, 0)}
     for name, conv, norm in _convolutions(model):

@@ -15,7 +15,7 @@ from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from ..core.labels import LEFT_WALL, N_FACES, N_LABELS, RIGHT_WALL
-from ..core.scene_layers import N_CLASSES
+from ..core.network.scene_layers import N_CLASSES
 from .scene_augmentation import Augmentation, SceneBatch, make_batch
 from .scene_examples import SOME_WALL, SceneExamples
 from .scene_model import SceneModel, load_backbone

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 from room_layout_ros.core.estimate import RoomEstimate, Status
-from room_layout_ros.core.floor_plane import FloorPlane
+from room_layout_ros.core.floor.floor_plane import FloorPlane
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
 

@@ -11,7 +11,7 @@ from ..depth import depth_sigma
 from ..frame import CameraIntrinsics
 from ..labels import FURNITURE_NYU40
 from ..lines import LineSegments
-from ..scene_network import SuperpixelScene
+from ..network.scene_network import SuperpixelScene
 from ..superpixels import Superpixels
 from . import pixel_statistics as ps
 from .depth_cues import superpixel_planes

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .labels import FLOOR
+from ..labels import FLOOR
 
 _STRIDE = 2
 _LOWEST_PART, _LAST_PART = 6, 48

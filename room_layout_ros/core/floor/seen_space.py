@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..frame import CameraIntrinsics
 from .floor_cells import FREE_CELL, UNKNOWN_CELL
-from .frame import CameraIntrinsics
 
 
 def hide_above_picture(

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .depth import MAD_TO_SIGMA, NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
+from ..depth import MAD_TO_SIGMA, NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
 from .floor_level import height_over
 from .height_bins import BAND_M, BIN_M, BINS, median_bin
 from .slow_error import between_tiles

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..labels import N_FACES, N_LABELS
 from .convolution import pack_panels
-from .labels import N_FACES, N_LABELS
 from .layer_kernels import BLOCK, ENLARGE, LAYER, POINT, STEM, WHOLE, run_layers
 from .vector_tiles import HALF_LANES
 

@@ -12,9 +12,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .depth import DepthGeometry
-from .estimate import RoomEstimate
-from .labels import FACES
+from ..depth import DepthGeometry
+from ..estimate import RoomEstimate
+from ..labels import FACES
 
 _REACH_M = 0.29
 _BIN_M = 0.04

@@ -13,8 +13,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .config import EstimatorConfig
-from .depth import DepthGeometry
+from ..config import EstimatorConfig
+from ..depth import DepthGeometry
+from ..labels import CLUTTER
 from .depth_holes import BRIDGED, MEASURED
 from .floor_noise import noise_table
 from .floor_pixels import (
@@ -38,7 +39,6 @@ from .floor_pixels import (
     sort_row,
 )
 from .floor_plane import FloorFit
-from .labels import CLUTTER
 
 UNKNOWN_CELL, FREE_CELL, OCCUPIED_CELL = -1, 0, 100
 """Values of the grid, those of OccupancyGrid."""

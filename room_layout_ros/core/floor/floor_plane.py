@@ -14,15 +14,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .config import EstimatorConfig
-from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma
-from .estimate import RoomEstimate
+from ..config import EstimatorConfig
+from ..depth import NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma
+from ..estimate import RoomEstimate
+from ..frame import CameraIntrinsics
+from ..labels import CLUTTER, FLOOR
 from .floor_level import height_over, level_of_camera
 from .floor_noise import MIN_BAND_PIXELS, count_heights, sigma_bands, usual_sigma
 from .floor_step import FloorStep, are_before, find_step
 from .floor_support import holds_floor
-from .frame import CameraIntrinsics
-from .labels import CLUTTER, FLOOR
 from .slow_error import measure_slow_error, tiles
 
 _STRIDE = 2

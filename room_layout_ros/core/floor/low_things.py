@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .config import EstimatorConfig
-from .depth import MAD_TO_SIGMA
+from ..config import EstimatorConfig
+from ..depth import MAD_TO_SIGMA
 from .floor_cells import FLOOR_PIXELS, HEIGHT, FloorCells
 from .floor_pixels import FLOOR_PIXEL
 from .free_cells import Levels

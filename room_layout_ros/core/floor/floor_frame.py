@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .frame import CameraIntrinsics
-from .layout import FACE_AXIS, FACE_SIGN, RoomCuboid
+from ..frame import CameraIntrinsics
+from ..layout import FACE_AXIS, FACE_SIGN, RoomCuboid
 
 WALLS = (2, 3, 4)
 """Faces (index in `labels.FACES`) that stand upright: left, front, right."""

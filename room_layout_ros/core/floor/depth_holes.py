@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .labels import CLUTTER, FLOOR
+from ..labels import CLUTTER, FLOOR
 
 MEASURED, BRIDGED, GAP = range(3)
 """Of a pixel: it has a depth; it has none and is floor by the picture; it has none and nothing tells what it is."""

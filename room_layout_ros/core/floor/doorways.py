@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..frame import CameraIntrinsics
 from .floor_pixels import BEYOND_PIXEL, WALL_PIXEL
-from .frame import CameraIntrinsics
 
 UNTOLD, CLOSED, OPEN = range(3)
 """Of a place on a wall: too little is seen of it, or both are; the wall is seen there; what is beyond it is."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma
-from .labels import CLUTTER, FLOOR
+from ..depth import NOISE_FLOOR_M, NOISE_QUADRATIC, DepthGeometry, depth_sigma
+from ..labels import CLUTTER, FLOOR
 
 _ON_M, _ON_RAD = 0.05, np.deg2rad(1.5)
 """What is measured no farther than this from a plane, and than this angle seen from the camera, lies on it."""

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .depth import NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
+from ..depth import NOISE_FLOOR_M, NOISE_QUADRATIC, depth_sigma
 from .floor_level import height_over
 from .height_bins import median_bin
 

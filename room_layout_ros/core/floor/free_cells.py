@@ -9,9 +9,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..config import EstimatorConfig
+from ..depth import MAD_TO_SIGMA
 from .cell_margins import keep_away
-from .config import EstimatorConfig
-from .depth import MAD_TO_SIGMA
 from .doorways import CLOSED, OPEN, wall_at
 from .floor_cells import (
     BLIND,

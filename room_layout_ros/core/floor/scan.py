@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .depth import DepthGeometry
+from ..depth import DepthGeometry
 from .floor_cells import OCCUPIED_CELL, UNKNOWN_CELL, FloorCells
 from .floor_frame import view_fan
 from .floor_pixels import OBSTACLE_PIXEL, WALL_PIXEL

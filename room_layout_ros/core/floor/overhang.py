@@ -11,9 +11,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..frame import CameraIntrinsics
 from .floor_cells import FREE_CELL, UNKNOWN_CELL
 from .floor_pixels import OBSTACLE_PIXEL
-from .frame import CameraIntrinsics
 
 _STEP_M, _MIN_HIDDEN = 0.05, 4
 """The space above a corner is looked at so far apart, and at no less than so many heights: of what hangs lower a

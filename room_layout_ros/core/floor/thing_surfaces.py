@@ -12,10 +12,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..frame import CameraIntrinsics
+from ..labels import FLOOR, N_LABELS
 from .floor_noise import band_sigma
 from .floor_plane import FloorFit
-from .frame import CameraIntrinsics
-from .labels import FLOOR, N_LABELS
 
 _STRIDE = 3
 _ROUNDS = 2

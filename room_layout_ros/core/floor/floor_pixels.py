@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from ..labels import CLUTTER
 from .floor_noise import PER_METRE, STEPS
-from .labels import CLUTTER
 
 NOTHING, FLOOR_PIXEL, OBSTACLE_PIXEL, WALL_PIXEL, HOLE_PIXEL, BEYOND_PIXEL, FLYING_PIXEL = range(7)
 """Kinds of pixels: not measured or over the robot, floor, thing, wall of the room, below the floor, beyond a wall,

@@ -18,9 +18,9 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.special import softmax
 
-from .color import blank_border
-from .labels import N_FACES, N_LABELS
-from .model_file import WeightsError, read_arrays, write_arrays
+from ..color import blank_border
+from ..labels import N_FACES, N_LABELS
+from ..model_file import WeightsError, read_arrays, write_arrays
 from .scene_layers import COLUMNS, INPUT_HEIGHT, INPUT_WIDTH, N_SCORES, ROWS, SceneLayers, Work
 
 _KIND = "room_layout scene network"

@@ -14,10 +14,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..frame import CameraIntrinsics
+from ..labels import CLUTTER, FLOOR
 from .floor_cells import FREE_CELL, UNKNOWN_CELL
 from .floor_pixels import FLYING_PIXEL, NOTHING, OBSTACLE_PIXEL, pixel_rays
-from .frame import CameraIntrinsics
-from .labels import CLUTTER, FLOOR
 
 _HANGS_M = 0.12
 """What begins lower stands on the floor: as far as it is seen, its cells hold its surface."""
@@ -41,8 +41,8 @@ _NARROW_M, _END_M, _TIMES_WIDE = 0.6, 1.0, 2.0
 """An edge of this to this width may be the end of a table that is so many times as long as wide."""
 
 _LEG_M, _LEG_SEEN_M, _OVER_LEGS_M, _AT_LEGS_M = 0.15, 0.2, 0.2, 2.0
-"""What is seen behind an edge, ends at it and is no wider than the first, for the second in height, is a leg of the same
-table, which goes on for the third behind it. No leg is farther than the last."""
+"""What is seen behind an edge, ends at it and is no wider than the first, for the second in height, is a leg of the
+same table, which goes on for the third behind it. No leg is farther than the last."""
 
 _LOW_M, _LONG_M = 0.40, 2.0
 """One that hangs lower than the first is a bed or a sofa, and may go on for the second."""
