@@ -18,6 +18,7 @@ from room_layout_ros.core.model_file import WeightsError
 from room_layout_ros.core.weights import (
     BLOCKS,
     N_FEATURES,
+    VARIANTS,
     ModelWeights,
     load_weights,
     pack_blocks,
@@ -232,3 +233,14 @@ def test_values_that_no_reader_would_take_are_not_written(value: float, tmp_path
     with pytest.raises(WeightsError, match=r"'b' for .* holds a value that is not finite; nothing is written"):
         model_file.write_arrays(tmp_path / "m.npz", "any", {"a": np.zeros(2), "b": np.array([0.0, value])}, {})
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_weights_count_without_what_the_variant_or_the_frame_lacks(name: str, rng: np.random.Generator) -> None:
+    weights = ModelWeights(rng.normal(size=N_FEATURES))
+    np.testing.assert_array_equal(weights.used(name).vector, weights.variant(name).vector)
+    for with_depth, with_scene in ((True, False), (False, True), (False, False)):
+        lacking = [] if with_depth else [*VARIANTS["rgb"]]
+        lacking += [] if with_scene else ["layout_scene"]
+        expected = weights.variant(name).without(*lacking)
+        np.testing.assert_array_equal(weights.used(name, with_depth, with_scene).vector, expected.vector)

@@ -254,9 +254,8 @@ class _Run:
         return {"variant": "" if variant == "full" else variant, "start": "" if start == "hand" else start}
 
     def start(self) -> ModelWeights:
-        weights = STARTS[self.arguments.start]().variant(self.arguments.variant)
-        weights = weights.variant("full" if self.place.config.use_depth else "rgb")
-        return weights if self.place.networks is not None else weights.variant("no_scene")
+        with_depth, with_scene = self.place.config.use_depth, self.place.networks is not None
+        return STARTS[self.arguments.start]().used(self.arguments.variant, with_depth, with_scene)
 
     def halves(self, examples: list[ExampleRef], folds: int) -> list[tuple[list[ExampleRef], list[ExampleRef]]]:
         """Return (to learn from, to validate on) for each fold."""

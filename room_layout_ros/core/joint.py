@@ -122,11 +122,7 @@ def estimate_joint(
         raise ValueError("no hypothesis of the axes is given; at least one is needed")
     if first is not None and not np.array_equal(first.atoms.counts.grid.R_room_camera, hypotheses[0].R_room_camera):
         raise ValueError("the atoms given are counted under other axes than those of the first hypothesis")
-    weights = (
-        weights.variant(config.joint_variant)
-        if geometry is not None
-        else weights.variant(config.joint_variant).variant("rgb")
-    )
+    weights = weights.used(config.joint_variant, with_depth=geometry is not None)
     best: tuple[_Alternation, _State] | None = None
     parts = gather_parts(superpixels, geometry, config) if first is None else first.shared
     for index, evidence in enumerate(hypotheses):

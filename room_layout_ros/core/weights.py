@@ -70,6 +70,12 @@ def uses(variant: str, block: str) -> bool:
     return block not in VARIANTS[variant]
 
 
+def blocks_off(variant: str, with_depth: bool = True, with_scene: bool = True) -> tuple[str, ...]:
+    """Blocks of a variant of the model that are off, also for want of depth or of the scene network."""
+    ways = (variant, "full" if with_depth else "rgb", "full" if with_scene else "no_scene")
+    return tuple(block for block in BLOCKS if not all(uses(way, block) for way in ways))
+
+
 @dataclass(frozen=True, slots=True)
 class ModelWeights:
     """Weights w of the joint energy E = w . phi.
@@ -109,6 +115,10 @@ class ModelWeights:
         if name not in VARIANTS:
             raise ValueError(f"model variant is {name!r}; allowed are {', '.join(VARIANTS)}")
         return self.without(*VARIANTS[name])
+
+    def used(self, variant: str, with_depth: bool = True, with_scene: bool = True) -> ModelWeights:
+        """Return the weights as they count: without the blocks that are off (`blocks_off`)."""
+        return self.without(*blocks_off(variant, with_depth, with_scene))
 
     def without(self, *blocks: str) -> ModelWeights:
         """Return the weights with these blocks set to 0."""
