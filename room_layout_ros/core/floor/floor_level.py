@@ -21,8 +21,9 @@ _LOWEST_PART, _LAST_PART = 6, 48
 _LAYER_M, _FARTHEST_M = 0.05, 2.0
 _LAYERS = int(2 * _FARTHEST_M / _LAYER_M)
 
-_LOWER_FROM_M, _LOWER_SHARE = 0.25, 0.003
-"""A level layer so far below the plane, in the lowest sixth and of this share of the picture, is the floor."""
+_LOWER_FROM_M, _LOWER_SHARE, _LEVEL_SHARE = 0.25, 0.003, 0.4
+"""A layer so far below the plane, in the lowest sixth and of the first share of the picture, is the floor. It is level if
+it holds the second share of all that lies so far below: a wall that is mirrored in a glossy floor spreads over many."""
 
 _UPPER_FROM_M, _UPPER_SHARE = 0.10, 0.6
 """Two layers that begin so far above it, or farther, and fill this share of the last rows may be it."""
@@ -56,10 +57,11 @@ def level_of_camera(
     on_plane, layers, last = _layers(inverse_depth, labels, colors, intrinsics, plane)
     two = layers[1:] + layers[:-1]
     middle = _LAYERS // 2
-    below = two[1 : middle - int(_LOWER_FROM_M / _LAYER_M), _COUNT]
+    lower = middle - int(_LOWER_FROM_M / _LAYER_M)
+    below, all_below = two[1:lower, _COUNT].max(), layers[:lower, _COUNT].sum()
     if on_plane[_FLOOR] < _LEAST_FLOOR_SHARE * on_plane[_COUNT]:
         return float("nan")
-    if len(below) and below.max() * _STRIDE**2 >= _LOWER_SHARE * labels.size:
+    if below * _STRIDE**2 >= _LOWER_SHARE * labels.size and below >= _LEVEL_SHARE * all_below:
         return float("nan")
     first = middle + round(_UPPER_FROM_M / _LAYER_M)
     best = first + int(np.argmax(last[first:-1] + last[first + 1 :]))
