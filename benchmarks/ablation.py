@@ -29,7 +29,7 @@ from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.depth_estimator import estimate_from_depth
 from room_layout_ros.core.estimate import Status
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.frame_evidence import classify_superpixels, gather_hypotheses
+from room_layout_ros.core.hypotheses import classify_superpixels, gather_hypotheses
 from room_layout_ros.core.joint import estimate_joint
 from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.core.layout import RoomCuboid
@@ -204,18 +204,13 @@ def _apply(variant: Variant, frame: RgbdFrame, cache: dict[object, Stages | None
         return None
     start = time.perf_counter()
     seen, context, camera = stages.seen, stages.context, frame.camera
-    superpixels, axes, metric = seen.superpixels, seen.axes, seen.geometry is not None
-    count = config.axes_hypotheses if metric else config.axes_hypotheses_rgb
-    evidence = gather_hypotheses(superpixels, axes, camera, context, seen.orientation, seen.scene, metric, count)
-    weights = variant.weights(load_models(metric, seen.scene is not None))
-    joint = estimate_joint(camera, superpixels, evidence, seen.geometry, weights, config, first=seen.parts)
+    evidence = gather_hypotheses(seen, context, camera, config.namings(seen.geometry is not None))
+    weights = variant.weights(load_models(*seen.way))
+    joint = estimate_joint(camera, seen.superpixels, evidence, seen.geometry, weights, config, first=seen.parts)
     room = joint.cuboid
     if variant.refined:
-        room = refine_cuboid(
-            joint, seen.geometry, camera, superpixels, context, axes, seen.scores, frame.color, seen.segments,
-            config.refinement,
-        ).cuboid  # fmt: skip
-    layout, labels = _paint(room, joint.labels, superpixels, frame)
+        room = refine_cuboid(joint, seen, context, frame, config.refinement).cuboid
+    layout, labels = _paint(room, joint.labels, seen.superpixels, frame)
     milliseconds = stages.milliseconds + 1e3 * (time.perf_counter() - start)
     return Row(layout, labels, joint.cuboid.raster(camera), milliseconds)
 
@@ -239,7 +234,7 @@ def _prepare(frame: RgbdFrame, config: EstimatorConfig, lines_in_axes: bool) -> 
     seen = observe(frame, config, lambda one: compute_scene_scores(one.color, network), axes=axes)
     if isinstance(seen, Status):
         return None
-    forest = load_models(seen.geometry is not None, seen.scene is not None).context
+    forest = load_models(*seen.way).context
     context = classify_superpixels(seen.features, forest, config.joint_variant)
     return Stages(seen, context, 1e3 * (time.perf_counter() - start))
 

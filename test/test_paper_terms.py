@@ -10,10 +10,10 @@ from scenes import ROOM, SMALL, look
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.energies import label_problem, pair_costs
+from room_layout_ros.core.evidence.depth_cues import compute_depth_cues
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.frame_evidence import gather_hypotheses
+from room_layout_ros.core.frame_evidence import FrameEvidence
 from room_layout_ros.core.joint_problem import JointProblem, build_joint_problem
-from room_layout_ros.core.manhattan import ManhattanFrame
 from room_layout_ros.core.superpixels import Superpixels
 from room_layout_ros.core.weights import ModelWeights, pack_blocks, physical_table
 
@@ -74,8 +74,7 @@ def problem_of(R: NDArray[np.float64], points: NDArray[np.float64], normals: NDA
     )
     depth_m = np.full((camera.height, camera.width), 2.0, np.float32)
     geometry = compute_depth_geometry(RgbdFrame(camera, None, depth_m), CONFIG)
-    axes = ManhattanFrame(R, 1.0, (R,))
-    (evidence,) = gather_hypotheses(superpixels, axes, camera, None, None, None, with_depth=True, count=1)
+    evidence = FrameEvidence(R, depth_cues=compute_depth_cues(superpixels, R, camera))
     return build_joint_problem(camera, superpixels, evidence, geometry, CONFIG)
 
 

@@ -10,16 +10,15 @@ import pytest
 from numpy.typing import NDArray
 from scenes import HALF
 
-from room_layout_ros.core import frame_evidence
+from room_layout_ros.core import hypotheses
 from room_layout_ros.core.config import EstimatorConfig, parameters
 from room_layout_ros.core.estimate import RoomEstimate, Status
 from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.evidence import orientation_map
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.weights import VARIANTS
 from room_layout_ros.datasets import good_samples
 from room_layout_ros.datasets.synthetic import SyntheticSource
-
-SPOILT = {"context": "compute_geometric_context", "orientation": "compute_orientation_map"}
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +36,10 @@ def random_orientation(segments: Any, line_class: Any, R: Any, camera: Any) -> N
 
 
 def spoil(monkeypatch: pytest.MonkeyPatch, evidence: str) -> None:
-    made_up = random_context if evidence == "context" else random_orientation
-    monkeypatch.setattr(frame_evidence, SPOILT[evidence], made_up)
+    if evidence == "context":
+        monkeypatch.setattr(hypotheses, "compute_geometric_context", random_context)
+    else:
+        monkeypatch.setattr(orientation_map, "compute_orientation_map", random_orientation)
 
 
 def same(a: RoomEstimate, b: RoomEstimate) -> bool:

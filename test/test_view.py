@@ -64,8 +64,8 @@ def test_every_stage_is_a_picture_of_the_frames_size(sample: Sample, with_depth:
 
 def test_evidence_shown_is_the_estimators(sample: Sample) -> None:
     look = look_at(sample.frame, LayoutEstimator())
-    assert look.superpixels is not None
-    np.testing.assert_array_equal(look.superpixels.index, look.estimate.superpixels)
+    assert look.seen is not None
+    np.testing.assert_array_equal(look.seen.superpixels.index, look.estimate.superpixels)
 
 
 def test_support_stage_tells_what_lies_on_a_face_beyond_and_before() -> None:

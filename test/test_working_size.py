@@ -324,8 +324,8 @@ def test_what_is_learned_is_what_the_estimator_sees(camera: CameraIntrinsics) ->
 
 def test_every_stage_of_a_view_has_the_working_size() -> None:
     look = look_at(furnished(HD, 3).frame, LayoutEstimator())
-    assert look.superpixels is not None
-    assert look.superpixels.index.shape == look.estimate.labels.shape == (360, 640)
+    assert look.seen is not None
+    assert look.seen.superpixels.index.shape == look.estimate.labels.shape == (360, 640)
 
 
 def test_a_small_frame_is_drawn_larger_and_its_legend_leaves_the_room_to_see() -> None:

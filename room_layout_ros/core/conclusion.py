@@ -15,7 +15,7 @@ from .frame import RgbdFrame
 from .joint import JointEstimate
 from .labels import CLUTTER
 from .manhattan import ManhattanFrame
-from .superpixels import Superpixels
+from .observation import Observation
 from .wall_naming import name_walls
 
 _LEAST_FACE_PX = 30
@@ -23,8 +23,7 @@ _LEAST_FACE_PX = 30
 
 def conclude(
     frame: RgbdFrame,
-    axes: ManhattanFrame,
-    superpixels: Superpixels,
+    seen: Observation,
     joint: JointEstimate,
     room: RefinedRoom,
     furniture: NDArray[np.uint8],
@@ -37,26 +36,26 @@ def conclude(
     of the room); all pixels of a clutter superpixel are clutter.
     """
     layout, pixels = room.cuboid.view(frame.camera)
-    seen = pixels[1:] >= _LEAST_FACE_PX
-    cuboid, origin = name_walls(room.cuboid, seen)
+    in_view = pixels[1:] >= _LEAST_FACE_PX
+    cuboid, origin = name_walls(room.cuboid, in_view)
     if cuboid is not room.cuboid:
         layout, pixels = cuboid.view(frame.camera)
-        seen = pixels[1:] >= _LEAST_FACE_PX
+        in_view = pixels[1:] >= _LEAST_FACE_PX
     cuboid = cuboid.in_view(pixels)
     metric = room.measured > 0.0  # depth that is empty or not used gives no scale
     if not metric:
         cuboid = cuboid.at_unit_scale()
     clutter = joint.labels == CLUTTER
-    signs = gather_signs(axes, joint, room, origin)
-    confidence, face_confidence = state_confidence(signs, seen, model)
+    signs = gather_signs(seen.axes, joint, room, origin)
+    confidence, face_confidence = state_confidence(signs, in_view, model)
     return RoomEstimate(
         status=Status.OK if joint.solution.finished else Status.DEADLINE,
         layout=layout,
-        labels=_paint_labels(layout, superpixels.index, clutter),
+        labels=_paint_labels(layout, seen.superpixels.index, clutter),
         furniture=furniture,
-        superpixels=superpixels.index,
+        superpixels=seen.superpixels.index,
         R_room_camera=cuboid.R_room_camera,
-        axes_confidence=axes.confidence,
+        axes_confidence=seen.axes.confidence,
         confidence=confidence,
         face_confidence=face_confidence,
         cuboid=cuboid,

@@ -193,6 +193,10 @@ class EstimatorConfig:
             )
         self._check_grid()
 
+    def namings(self, with_depth: bool) -> int:
+        """Namings of the axes that are tried in a frame with depth, or without."""
+        return self.axes_hypotheses if with_depth else self.axes_hypotheses_rgb
+
     def _check_grid(self) -> None:
         forward_m, width_m, size_m = self.free_space_forward_m, 2 * self.free_space_side_m, self.free_space_resolution_m
         cells = round(forward_m / size_m) * round(width_m / size_m)

@@ -7,21 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .depth import DepthGeometry
 from .edge_refinement import RoomPicture, refine_on_edges
-from .frame import CameraIntrinsics
+from .frame import RgbdFrame
 from .joint import JointEstimate
 from .labels import CLUTTER, N_LABELS
 from .layout import RoomCuboid
-from .lines import LineSegments
-from .manhattan import ManhattanFrame
-from .network.scene_network import SceneScores
+from .observation import Observation
 from .room_balance import balance_faces
 from .room_cells import image_cells, room_cells
 from .room_cost import IMAGE_COSTS, CellCosts, FittedRoom, cell_costs, rate_room
 from .room_refinement import refine_room
 from .room_search import search_room
-from .superpixels import Superpixels
 from .wall_naming import rename_walls
 
 EDGES, DEPTH, NONE = "edges", "depth", "none"
@@ -52,14 +48,9 @@ class RefinedRoom:
 
 def refine_cuboid(
     joint: JointEstimate,
-    geometry: DepthGeometry | None,
-    camera: CameraIntrinsics,
-    superpixels: Superpixels,
+    seen: Observation,
     context: NDArray[np.float64] | None,
-    axes: ManhattanFrame,
-    scores: SceneScores | None,
-    color: NDArray[np.uint8] | None = None,
-    segments: LineSegments | None = None,
+    frame: RgbdFrame,
     way: str = EDGES,
 ) -> RefinedRoom:
     """Turn the axes and move the planes of the discrete optimum to the best continuous cuboid.
@@ -72,32 +63,31 @@ def refine_cuboid(
     Parameters
     ----------
     joint : JointEstimate
-    geometry : DepthGeometry or None
+    seen : Observation
+        Of `frame`. What the scene network says of the face behind each part of the image counts besides.
     context : (K, 6) float64 label probabilities, None where there are none.
-    axes : ManhattanFrame, in whose naming the scene network sees the walls.
-    scores : SceneScores or None
-        The face behind each part of the image, which counts besides.
-    color : (H, W, 3) uint8 or None. segments : of it, or None.
+    frame : RgbdFrame
+        Its colour is looked at where line segments are seen in it.
     way : `EDGES`, `DEPTH` (not onto the edges of the picture) or `NONE` (the discrete optimum stays, as in the paper).
     """
-    cuboid = joint.cuboid
+    cuboid, geometry, index, scores = joint.cuboid, seen.geometry, seen.superpixels.index, seen.scores
     labels = np.eye(N_LABELS)[joint.labels.astype(np.intp) - 1]
     believed = labels if context is None else context
-    behind = None if scores is None else rename_walls(scores.layout, axes.R_room_camera, cuboid.R_room_camera)
-    certainty = 0.0 if context is None else float(np.average(context.max(axis=1), weights=superpixels.pixels))
+    behind = None if scores is None else rename_walls(scores.layout, seen.axes.R_room_camera, cuboid.R_room_camera)
+    certainty = 0.0 if context is None else float(np.average(context.max(axis=1), weights=seen.superpixels.pixels))
     start = FittedRoom(cuboid.R_room_camera, cuboid.distances, np.inf)
     if geometry is None:
-        cells = image_cells(camera, 0.5 * believed + 0.5 * labels, superpixels.index, behind)
+        cells = image_cells(frame.camera, 0.5 * believed + 0.5 * labels, index, behind)
         rated = cell_costs(cells, IMAGE_COSTS)
         room = rate_room(rated, start) if way == NONE else refine_room(rated, start, turn=False)
         measured = 0.0
     else:
-        cells = room_cells(geometry, believed, superpixels.index, behind)
+        cells = room_cells(geometry, believed, index, behind)
         rated = cell_costs(cells)
         room = rate_room(rated, start) if way == NONE else _fit_depth(rated, start)
-        if way == EDGES and color is not None and segments is not None:
-            picture = RoomPicture(color, segments, superpixels.index, joint.labels == CLUTTER)
-            moved = refine_on_edges(cells, camera, picture, room.R_room_camera, room.distances)
+        if way == EDGES and frame.color is not None and seen.segments is not None:
+            picture = RoomPicture(frame.color, seen.segments, index, joint.labels == CLUTTER)
+            moved = refine_on_edges(cells, frame.camera, picture, room.R_room_camera, room.distances)
             room = rate_room(rated, FittedRoom(*moved, np.inf))
         measured = geometry.measured
     balance = balance_faces(cells, room.R_room_camera, room.distances)

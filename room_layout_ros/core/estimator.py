@@ -16,8 +16,8 @@ from .cuboid_refinement import refine_cuboid
 from .depth_estimator import estimate_from_depth
 from .estimate import RoomEstimate, Status, no_estimate
 from .frame import RgbdFrame
-from .frame_evidence import classify_superpixels, gather_hypotheses
 from .furniture import FurnitureModel, find_furniture
+from .hypotheses import classify_superpixels, gather_hypotheses
 from .joint import estimate_joint
 from .kernel_furniture import find_furniture_by_kernels, load_kernel_classifier
 from .models import load_models, load_scene_network
@@ -81,35 +81,19 @@ class LayoutEstimator:
         seen = observe(frame, config, self.look, prior, run, with_parts=config.method == "joint")
         if isinstance(seen, Status):
             return no_estimate(seen, frame, run.timings_ms)
-        geometry, axes, superpixels = seen.geometry, seen.axes, seen.superpixels
-        metric, variant = geometry is not None, config.joint_variant
+        geometry, superpixels = seen.geometry, seen.superpixels
         if config.method == "depth" and geometry is not None:
-            return run("layout", estimate_from_depth, frame, geometry, axes, superpixels, run.timings_ms)
-        models = self.models[metric, seen.scene is not None]
-        context = run("context", classify_superpixels, seen.features, models.context, variant)
-        count = config.axes_hypotheses if metric else config.axes_hypotheses_rgb
-        evidence = run(
-            "evidence",
-            gather_hypotheses,
-            superpixels,
-            axes,
-            camera,
-            context,
-            seen.orientation,
-            seen.scene,
-            metric,
-            count,
-        )
+            return run("layout", estimate_from_depth, frame, geometry, seen.axes, superpixels, run.timings_ms)
+        models = self.models[seen.way]
+        context = run("context", classify_superpixels, seen.features, models.context, config.joint_variant)
+        namings = config.namings(geometry is not None)
+        evidence = run("evidence", gather_hypotheses, seen, context, camera, namings)
         joint = run(
             "joint", estimate_joint, camera, superpixels, evidence, geometry, models.joint, config, expired, seen.parts
         )
         with run.beside("furniture", self._name_furniture, frame, seen, joint.labels, models.furniture) as drawn:
-            room = run(
-                "refinement", refine_cuboid, joint, geometry, camera, superpixels, context, axes, seen.scores,
-                frame.color, seen.segments, config.refinement,
-            )  # fmt: skip
-        confidence = models.confidence
-        return conclude(frame, axes, superpixels, joint, room, drawn(), confidence, run.timings_ms)
+            room = run("refinement", refine_cuboid, joint, seen, context, frame, config.refinement)
+        return conclude(frame, seen, joint, room, drawn(), models.confidence, run.timings_ms)
 
     def _estimate_turned(
         self, turn: Turn, frame: RgbdFrame, prior: TemporalPrior, expired: Callable[[], bool]

@@ -13,9 +13,9 @@ from .config import EstimatorConfig
 from .depth import CELL_PX, DepthGeometry, compute_depth_geometry
 from .estimate import Status
 from .evidence.features import SuperpixelFeatures, add_scene, compute_superpixel_features
+from .evidence.orientation_map import map_orientation
 from .evidence.room_extents import compute_room_extents
 from .frame import RgbdFrame
-from .frame_evidence import map_orientation
 from .joint_problem import FirstParts, gather_first_parts
 from .lines import LineSegments, compute_line_segments
 from .manhattan import ManhattanFrame, find_axes
@@ -57,6 +57,11 @@ class Observation:
     scores: SceneScores | None
     scene: SuperpixelScene | None
     parts: FirstParts | None
+
+    @property
+    def way(self) -> tuple[bool, bool]:
+        """With depth, with the scene network: the way of operation that models are learned for (`load_models`)."""
+        return self.geometry is not None, self.scene is not None
 
 
 def observe(
@@ -108,7 +113,7 @@ def observe(
         if axes is None:
             return Status.NO_ROOM
         R, camera = axes.R_room_camera, frame.camera
-        line_class, orientation = run("orientation", map_orientation, segments, axes, camera, config.joint_variant)
+        line_class, orientation = run("orientation", map_orientation, segments, R, camera, config.joint_variant)
         extents = None if inverse_depth is None else run("extents", compute_room_extents, inverse_depth, R, camera)
         superpixels = superpixels_found()
         counted: AbstractContextManager[Callable[[], FirstParts | None]] = nullcontext(lambda: None)

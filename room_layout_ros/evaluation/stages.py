@@ -15,12 +15,10 @@ from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.evidence import pictures as evidence_pictures
 from room_layout_ros.core.evidence.depth_cues import compute_depth_cues
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.frame_evidence import FrameEvidence, classify_superpixels
+from room_layout_ros.core.frame_evidence import FrameEvidence
+from room_layout_ros.core.hypotheses import classify_superpixels
 from room_layout_ros.core.joint_problem import build_joint_problem
-from room_layout_ros.core.lines import LineSegments
-from room_layout_ros.core.network.scene_network import SceneScores
-from room_layout_ros.core.observation import observe
-from room_layout_ros.core.superpixels import Superpixels
+from room_layout_ros.core.observation import Observation, observe
 from room_layout_ros.core.wall_naming import rename_walls
 from room_layout_ros.core.working_size import resize_frame
 
@@ -39,23 +37,17 @@ class Look:
 
     Attributes
     ----------
-    segments, line_class : line segments and their axes. orientation : (H, W) uint8 orientation map.
-    R_room_camera : (3, 3) axes that segments, orientation and context are of: the first naming that is tried.
-    superpixels : with planes. context : (K, 6) geometric context. cues : (K, 12) depth cues.
+    seen : in the frame, under the first naming of the axes that is tried; of that the context and the cues are, too.
+    context : (K, 6) geometric context. cues : (K, 12) depth cues.
     profiles : what depth says of the planes, under the naming of the estimate.
     """
 
     frame: RgbdFrame
     estimate: RoomEstimate
-    segments: LineSegments | None = None
-    line_class: NDArray[np.int8] | None = None
-    orientation: NDArray[np.uint8] | None = None
-    superpixels: Superpixels | None = None
+    seen: Observation | None = None
     context: NDArray[np.float64] | None = None
     cues: NDArray[np.float64] | None = None
-    R_room_camera: NDArray[np.float64] | None = None
     profiles: DepthProfiles | None = None
-    scores: SceneScores | None = None
 
 
 def look_at(frame: RgbdFrame, estimator: LayoutEstimator) -> Look:
@@ -65,28 +57,15 @@ def look_at(frame: RgbdFrame, estimator: LayoutEstimator) -> Look:
     seen = observe(frame, config, estimator.look)
     if isinstance(seen, Status):
         return Look(frame, estimate)
-    geometry, segments, superpixels, R = seen.geometry, seen.segments, seen.superpixels, seen.axes.R_room_camera
-    forest = estimator.models[geometry is not None, seen.scene is not None].context
-    context = classify_superpixels(seen.features, forest, config.joint_variant)
-    cues = None if geometry is None else compute_depth_cues(superpixels, R, camera)
-    profiles = None
-    if geometry is not None and estimate.cuboid is not None:
+    context = classify_superpixels(seen.features, estimator.models[seen.way].context, config.joint_variant)
+    superpixels, R, cues, profiles = seen.superpixels, seen.axes.R_room_camera, None, None
+    if seen.geometry is not None:
+        cues = compute_depth_cues(superpixels, R, camera)
+    if seen.geometry is not None and estimate.cuboid is not None:
         named = None if context is None else rename_walls(context, R, estimate.R_room_camera)
         evidence = FrameEvidence(estimate.R_room_camera, context=named)
-        profiles = build_joint_problem(camera, superpixels, evidence, geometry, config).profiles
-    return Look(
-        frame,
-        estimate,
-        segments,
-        seen.line_class,
-        seen.orientation,
-        superpixels,
-        context,
-        cues,
-        R,
-        profiles,
-        seen.scores,
-    )
+        profiles = build_joint_problem(camera, superpixels, evidence, seen.geometry, config).profiles
+    return Look(frame, estimate, seen, context, cues, profiles)
 
 
 def _color(look: Look) -> Image:
@@ -102,38 +81,41 @@ def _superpixels(look: Look) -> Image:
 
 
 def _lines(look: Look) -> Image | None:
-    if look.segments is None or look.line_class is None or look.R_room_camera is None:
+    seen = look.seen
+    if seen is None or seen.segments is None or seen.line_class is None:
         return None
-    image = pictures.base_image(look.frame)
-    return evidence_pictures.draw_lines(image, look.segments, look.line_class, look.R_room_camera, look.frame.camera)
+    image, R = pictures.base_image(look.frame), seen.axes.R_room_camera
+    return evidence_pictures.draw_lines(image, seen.segments, seen.line_class, R, look.frame.camera)
 
 
 def _orientation(look: Look) -> Image | None:
-    return None if look.orientation is None else evidence_pictures.draw_orientation(look.frame.color, look.orientation)
+    if look.seen is None or look.seen.orientation is None:
+        return None
+    return evidence_pictures.draw_orientation(look.frame.color, look.seen.orientation)
 
 
 def _context(look: Look) -> Image | None:
-    if look.superpixels is None or look.context is None:
+    if look.seen is None or look.context is None:
         return None
-    return evidence_pictures.draw_context(look.frame.color, look.superpixels, look.context)
+    return evidence_pictures.draw_context(look.frame.color, look.seen.superpixels, look.context)
 
 
 def _scene(look: Look) -> Image | None:
-    if look.scores is None:
+    if look.seen is None or look.seen.scores is None:
         return None
-    return evidence_pictures.draw_scene(pictures.base_image(look.frame), look.scores.labels)
+    return evidence_pictures.draw_scene(pictures.base_image(look.frame), look.seen.scores.labels)
 
 
 def _behind(look: Look) -> Image | None:
-    if look.scores is None:
+    if look.seen is None or look.seen.scores is None:
         return None
-    return evidence_pictures.draw_scene(pictures.base_image(look.frame), look.scores.layout)
+    return evidence_pictures.draw_scene(pictures.base_image(look.frame), look.seen.scores.layout)
 
 
 def _cues(look: Look) -> Image | None:
-    if look.superpixels is None or look.cues is None:
+    if look.seen is None or look.cues is None:
         return None
-    sheet = evidence_pictures.draw_depth_cues(look.superpixels, look.cues)
+    sheet = evidence_pictures.draw_depth_cues(look.seen.superpixels, look.cues)
     height, width = look.frame.camera.height, look.frame.camera.width
     return np.asarray(cv2.resize(sheet, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 

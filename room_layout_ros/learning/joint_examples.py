@@ -11,7 +11,7 @@ from ..core.config import EstimatorConfig
 from ..core.energies import ExtraCosts, joint_features
 from ..core.estimate import Status
 from ..core.frame import CameraIntrinsics, RgbdFrame
-from ..core.frame_evidence import gather_hypotheses
+from ..core.hypotheses import gather_hypotheses
 from ..core.integral_geometry import pair_tables
 from ..core.joint_problem import JointProblem, build_joint_problem
 from ..core.labels import CLUTTER, FRONT_WALL, N_FACES, N_LABELS
@@ -113,10 +113,7 @@ def build_example(
     """
     d, seen = description, description.seen
     seen_context = context if uses(config.joint_variant, "layout_gc") else None
-    evidence = gather_hypotheses(
-        *(seen.superpixels, seen.axes, d.camera, seen_context),
-        *(seen.orientation, seen.scene, seen.geometry is not None, hypotheses),
-    )
+    evidence = gather_hypotheses(seen, seen_context, d.camera, hypotheses)
     true_layout = d.cuboid.raster(d.camera)
     problems, costs, stated = [], [], []
     for one in evidence:

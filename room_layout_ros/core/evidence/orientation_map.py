@@ -17,10 +17,38 @@ from numpy.typing import NDArray
 
 from ..frame import CameraIntrinsics
 from ..labels import CEILING, FLOOR, FRONT_WALL, LEFT_WALL, RIGHT_WALL
-from ..lines import LineSegments
+from ..lines import LineSegments, classify_segments
+from ..weights import uses
 
 _MAP_WIDTH = 160
 """Sweeps run on a map of this width: segments are sparse, and finer maps gave the same faces in 98 % of the pixels."""
+
+
+def map_orientation(
+    segments: LineSegments | None, R_room_camera: NDArray[np.float64], camera: CameraIntrinsics, variant: str = "full"
+) -> tuple[NDArray[np.int8] | None, NDArray[np.uint8] | None]:
+    """Axis of each segment, and the orientation map.
+
+    Parameters
+    ----------
+    segments : LineSegments or None
+        None without colour.
+    R_room_camera : (3, 3) float64
+    camera : CameraIntrinsics
+    variant : str
+        Of the model (`weights.VARIANTS`).
+
+    Returns
+    -------
+    line_class : (n,) int8 or None
+    orientation : (H, W) uint8 or None
+        None also in a variant without the map.
+    """
+    if segments is None:
+        return None, None
+    line_class = classify_segments(segments, R_room_camera, camera)
+    seen = uses(variant, "layout_om")
+    return line_class, compute_orientation_map(segments, line_class, R_room_camera, camera) if seen else None
 
 
 def compute_orientation_map(
