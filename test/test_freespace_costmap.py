@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from room_layout_ros.core import freespace
 from room_layout_ros.core.freespace import FREE_CELL, FreeSpace
-from room_layout_ros.datasets.synthetic import KINECT, KINECT_NOISE, camera_pose, render
+from room_layout_ros.datasets.synthetic import KINECT, KINECT_NOISE, NOISES, camera_pose, render
 from room_layout_ros.outputs import OUTPUTS
 
 CELL_M, HALF_M = 0.05, 4.0
@@ -106,6 +106,18 @@ def test_no_point_of_the_floor_cloud_lies_behind_a_thing() -> None:
     assert np.linalg.norm(floor[towards], axis=1).max() < 1.85
     assert (seen.grid[:, 50:] == 0).any(), "floor behind it is free all the same"
     assert np.linalg.norm(floor[~towards], axis=1).max() > 2.5
+
+
+def test_who_walks_past_leaves_no_marks_where_stereo_loses_some_of_the_floor() -> None:
+    """Three frames with a person 2 m ahead, then two of the same room without."""
+    pose, costmap = camera_pose(-1.4, 0.0, 0.8, 0.0, PITCH), Costmap(layer_settings("local_costmap"))
+    for left in (-0.5, 0.0, 0.5, None, None):
+        room = empty() if left is None else empty(box(0.6, left, 0.35, 1.7))
+        sample = render(room, KINECT, pose, NOISES["stereo"], np.random.default_rng(5))
+        seen = free_space_of(sample.frame, with_truth(sample))
+        costmap.update(pose[:2, 3], on_floor(seen.floor, pose, 3), on_floor(seen.obstacles, pose, 1))
+        walked = costmap.marked[round((0.3 + HALF_M) / CELL_M) : round((0.9 + HALF_M) / CELL_M), 60:100]
+        assert walked.sum() < 5 if left is None else walked.sum() > 5
 
 
 @pytest.mark.parametrize("with_picture", [True, False])

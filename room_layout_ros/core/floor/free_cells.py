@@ -45,7 +45,8 @@ _MEASURED = 0.7
 """Share of the floor that has to be seen that has to be measured too; the rest may be without depth."""
 
 _BRIDGE_CELLS = 2
-"""With `free_by_picture` holes of the depth are free up to this far from floor that was measured."""
+"""Holes of the depth are floor by the picture (free with `free_by_picture`) up to this far from floor that was measured.
+"""
 
 _RANGE_BAND_M = 0.5
 _MIN_BAND_CELLS = 10
@@ -110,9 +111,12 @@ def occupied_cells(
     return np.asarray(thing)
 
 
-def blind_cells(cells: FloorCells) -> NDArray[np.bool_]:
-    """Return (rows, cols) bool: cells of which too much has no depth, whatever the picture tells."""
-    return np.asarray(cells.sums[..., BLIND] + cells.sums[..., BRIDGE] >= _MAX_GAP)
+def blind_cells(cells: FloorCells, config: EstimatorConfig) -> NDArray[np.bool_]:
+    """Return (rows, cols) bool: cells of which too much has no depth, but for what is floor by the picture.
+
+    With stereo a cell here and there is always lost: floor behind it would never be offered for clearing.
+    """
+    return np.asarray(_blind(cells.sums, config.free_min_seen))
 
 
 def decide_cells(
@@ -250,6 +254,17 @@ def _is_floor(sums, i, j, least, bridge_cells):  # type: ignore[no-untyped-def]
             if sums[m, n, SEEN] >= least:
                 return True
     return False
+
+
+@njit(cache=True, nogil=True)
+def _blind(sums, least_seen):  # type: ignore[no-untyped-def]
+    rows, cols, _ = sums.shape
+    blind = np.zeros((rows, cols), np.bool_)
+    for i in range(rows):
+        for j in range(cols):
+            if sums[i, j, BLIND] + sums[i, j, BRIDGE] >= _MAX_GAP:
+                blind[i, j] = sums[i, j, BLIND] >= _MAX_GAP or not _is_floor(sums, i, j, least_seen, _BRIDGE_CELLS)
+    return blind
 
 
 @njit(cache=True, nogil=True)

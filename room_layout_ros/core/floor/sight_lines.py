@@ -2,7 +2,8 @@
 
 A camera looks over a thing of 4 cm and sees floor behind it. A costmap's layer is flat: it clears every cell between
 the sensor and a point, and so would clear the thing. Only floor before the first thing in its direction is offered,
-and before the first gap in the depth beyond which floor goes on: a pit that swallows the light, a black box.
+and before the first gap in the depth beyond which floor goes on: a pit that swallows the light, a black box. Gaps of a
+cell or two that are floor by the picture do not count.
 """
 
 from __future__ import annotations
