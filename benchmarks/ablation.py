@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks._frames import DATA
-from room_layout_ros.core.config import EstimatorConfig, parameters
+from room_layout_ros.core.config import DEPTH, JOINT_VARIANTS, EstimatorConfig
 from room_layout_ros.core.cuboid_refinement import refine_cuboid
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.depth_estimator import estimate_from_depth
@@ -34,7 +34,7 @@ from room_layout_ros.core.joint import estimate_joint
 from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.manhattan import find_axes
-from room_layout_ros.core.models import Models, load_models, load_scene_network
+from room_layout_ros.core.models import Models, load_models, load_scene_network, looks_at_scene
 from room_layout_ros.core.network.scene_network import compute_scene_scores
 from room_layout_ros.core.observation import Observation, observe
 from room_layout_ros.core.superpixels import Superpixels
@@ -90,7 +90,6 @@ def variants() -> list[Variant]:
     """Rows of the table but for the two plain solutions."""
     plain = EstimatorConfig()
     rgb = replace(plain, use_depth=False)
-    models = next(p for p in parameters() if p.name == "joint_variant").choices
     return [
         Variant("full model"),
         Variant("no scene network (own learned models)", replace(plain, scene_network=False)),
@@ -100,12 +99,12 @@ def variants() -> list[Variant]:
         Variant("RGB only, no refinement", rgb, refined=False),
         Variant("RGB only, by hand, no refinement", rgb, by_hand=True, refined=False),
         Variant("RGB only, two namings", replace(rgb, axes_hypotheses_rgb=2)),
-        *(Variant(f"variant {name}", replace(plain, joint_variant=name)) for name in models if name != "full"),
+        *(Variant(f"variant {name}", replace(plain, joint_variant=name)) for name in JOINT_VARIANTS if name != "full"),
         *(Variant(f"without block {name}", off=(name,)) for name in BLOCKS),
         Variant("weights set by hand", by_hand=True),
         Variant("weights by hand, no refinement", by_hand=True, refined=False),
         Variant("no refinement", refined=False),
-        Variant("refinement by depth alone", replace(plain, refinement="depth")),
+        Variant("refinement by depth alone", replace(plain, refinement=DEPTH)),
         Variant("superpixels without depth", replace(plain, superpixel_lambda_depth=0.0)),
         Variant("axes without lines", lines_in_axes=False),
         Variant("one naming of the axes", replace(plain, axes_hypotheses=1)),
@@ -229,8 +228,7 @@ def _prepare(frame: RgbdFrame, config: EstimatorConfig, lines_in_axes: bool) -> 
     axes = None
     if not lines_in_axes:
         axes = find_axes(compute_depth_geometry(frame, config), None, frame.camera, config, TemporalPrior())
-    looks = config.scene_network and uses(config.joint_variant, "layout_scene")
-    network = load_scene_network() if looks else None
+    network = load_scene_network() if looks_at_scene(config) else None
     seen = observe(frame, config, lambda one: compute_scene_scores(one.color, network), axes=axes)
     if isinstance(seen, Status):
         return None

@@ -20,7 +20,6 @@ from room_layout_ros.core.evidence.match_kernels import Floats, compact_basis, s
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.furniture import FURNITURE_IDS
 from room_layout_ros.core.kernel_furniture import (
-    KERNEL_FURNITURE_FILE,
     SETS,
     KernelFurnitureModel,
     LinearClassifier,
@@ -31,7 +30,7 @@ from room_layout_ros.core.kernel_furniture import (
 )
 from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.core.model_file import WeightsError, read_arrays, write_arrays
-from room_layout_ros.core.models import config_folder
+from room_layout_ros.core.models import KERNEL_FURNITURE_FILE, config_folder
 from room_layout_ros.datasets import FramesFolder, Sample, good_samples, open_folder
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.learning.kernel_furniture import KernelSettings, train_kernel_furniture

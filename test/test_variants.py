@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scenes import HALF
 
 from room_layout_ros.core import hypotheses
-from room_layout_ros.core.config import EstimatorConfig, parameters
+from room_layout_ros.core.config import JOINT_VARIANTS, EstimatorConfig
 from room_layout_ros.core.estimate import RoomEstimate, Status
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.evidence import orientation_map
@@ -64,9 +64,7 @@ def test_evidence_that_a_variant_leaves_out_changes_no_byte(
 
 
 def test_every_variant_of_the_weights_can_be_chosen_but_that_without_the_network_which_is_another_parameter() -> None:
-    (choices,) = (parameter.choices for parameter in parameters() if parameter.name == "joint_variant")
-    assert set(VARIANTS) - set(choices) == {"no_scene"}
-    assert set(choices) <= set(VARIANTS)
+    assert (*JOINT_VARIANTS, "no_scene") == tuple(VARIANTS)
     models = LayoutEstimator(EstimatorConfig(scene_network=False)).models
     for way in ((True, False), (False, False)):
         joint = models[way].joint

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any, TypeVar
 
 from room_layout_ros.core import conclusion, depth
-from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.config import JOINT, EstimatorConfig
 from room_layout_ros.core.kernel_cache import is_compiled
 from room_layout_ros.datasets import BadFrame
 
@@ -19,7 +19,7 @@ def tell_if_compiling(config: EstimatorConfig, rgb_only: bool = False) -> None:
 
     Two stand for all: that of the end, and one that is there for depth.
     """
-    needed: list[Any] = [conclusion._paint_labels] if config.method == "joint" else []
+    needed: list[Any] = [conclusion._paint_labels] if config.method == JOINT else []
     if config.use_depth and not rgb_only:
         needed.append(depth._cell_moments)
     if not all(map(is_compiled, needed)):

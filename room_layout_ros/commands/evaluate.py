@@ -28,7 +28,7 @@ from room_layout_ros.commands.evaluate_input import add_input_arguments, choose_
 from room_layout_ros.commands.models_folder import add_models_argument, usable_models
 from room_layout_ros.commands.output_folder import held_alone, remove_files
 from room_layout_ros.commands.progress import progress_bar
-from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.config import SIMPLE, EstimatorConfig
 from room_layout_ros.core.models import config_folder
 from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, FrameSource, Sample
 from room_layout_ros.datasets.images import write_atomically
@@ -172,7 +172,7 @@ def _methods(arguments: argparse.Namespace, source: FrameSource) -> dict[str, Me
     if "percentile" in wanted:
         methods[BASELINES["percentile"]] = baselines.percentile_walls
     if "depth" in wanted:
-        methods[BASELINES["depth"]] = EstimatorMethod(replace(parse_settings(arguments.set), method="depth"))
+        methods[BASELINES["depth"]] = EstimatorMethod(replace(parse_settings(arguments.set), method=SIMPLE))
     if not methods:
         raise DataError(f"{source.title} has nothing that the methods asked for could look at")
     return methods

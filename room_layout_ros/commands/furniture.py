@@ -17,7 +17,7 @@ from room_layout_ros.commands.counts import count, whole
 from room_layout_ros.commands.evaluate import subset_names
 from room_layout_ros.commands.output_folder import make_folder
 from room_layout_ros.commands.topics import open_and_tell
-from room_layout_ros.core.kernel_furniture import KERNEL_FURNITURE_FILE
+from room_layout_ros.core.models import KERNEL_FURNITURE_FILE
 from room_layout_ros.datasets import DataError, FramesFolder
 from room_layout_ros.learning.kernel_furniture import KernelSettings, train_kernel_furniture
 from room_layout_ros.learning.origin import origin

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import fields
 from filecmp import cmp
 from pathlib import Path
 
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
-from room_layout_ros.core.kernel_furniture import KERNEL_FURNITURE_FILE
 from room_layout_ros.core.model_file import WeightsError
-from room_layout_ros.core.models import SCENE_FILE, Models, config_folder, model_file
-from room_layout_ros.core.weights import uses
+from room_layout_ros.core.models import config_folder, used_files
 from room_layout_ros.datasets import DataError
 
 
@@ -53,7 +50,7 @@ def usable_models(
         LayoutEstimator(config, folder)
     except WeightsError as error:
         raise DataError(f"{error}; --models needs a copy of {config_folder()} with your own models in it") from None
-    if unused := _unused(folder, _used_files(config, also_rgb)):
+    if unused := _unused(folder, used_files(config, also_rgb)):
         others = f" and {len(unused) - 1} more" if len(unused) > 1 else ""
         way = f", {plain_by}" if all(name.endswith("_plain.npz") for name in unused) else ""
         print(
@@ -62,17 +59,6 @@ def usable_models(
             file=sys.stderr,
         )
     return folder
-
-
-def _used_files(config: EstimatorConfig, also_rgb: bool) -> set[str]:
-    """Return the names of the files that estimates of frames with colour and depth come from."""
-    if config.method != "joint":
-        return set()
-    with_scene = config.scene_network and config.use_color and uses(config.joint_variant, "layout_scene")
-    depths = {config.use_depth, config.use_depth and not also_rgb}
-    files = {model_file(field.name, depth, with_scene) for field in fields(Models) for depth in depths}
-    files |= {SCENE_FILE} if with_scene else set()
-    return files | ({KERNEL_FURNITURE_FILE} if config.furniture_features == "kernel" else set())
 
 
 def _unused(folder: Path, used: set[str]) -> list[str]:

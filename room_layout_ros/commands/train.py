@@ -29,10 +29,10 @@ from room_layout_ros.commands.evaluate import subset_names
 from room_layout_ros.commands.output_folder import held_alone
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import open_and_tell
-from room_layout_ros.core.config import EstimatorConfig, parameters
+from room_layout_ros.core.config import JOINT_VARIANTS, EstimatorConfig
 from room_layout_ros.core.layout import RoomCuboid
-from room_layout_ros.core.models import model_file
-from room_layout_ros.core.weights import N_FEATURES, ModelWeights, save_weights, start_weights, uses
+from room_layout_ros.core.models import looks_at_scene, model_file
+from room_layout_ros.core.weights import N_FEATURES, ModelWeights, save_weights, start_weights
 from room_layout_ros.datasets import DataError, FramesFolder
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.evaluation.c_curve import C_CURVE_FILE, CPoint, update_c_curve
@@ -59,10 +59,6 @@ STARTS = {"hand": start_weights, "zero": lambda: ModelWeights(np.zeros(N_FEATURE
 """The weights that learning stays near, and begins at."""
 
 
-def _variants() -> tuple[str, ...]:
-    return next(parameter.choices for parameter in parameters() if parameter.name == "joint_variant")
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `train`."""
     add = parser.add_argument
@@ -71,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--fits", type=Path, metavar="DIR", help="output of room-layout fit (default: fit now)")
     add("--scene", type=Path, metavar="DIR", help="output of room-layout scene (default: learn without the network)")
     add("--rgb-only", action="store_true", help="learn the models for use without depth")
-    add("--variant", choices=_variants(), default="full", help="learn with the blocks of this variant of the model")
+    add("--variant", choices=JOINT_VARIANTS, default="full", help="learn with the blocks of this variant of the model")
     add(
         "--start",
         choices=tuple(STARTS),
@@ -134,7 +130,12 @@ def _settings(arguments: argparse.Namespace) -> ContextSettings:
 
 def run(arguments: argparse.Namespace) -> int:
     """Train and write the models."""
-    if arguments.scene is not None and not uses(arguments.variant, "layout_scene"):
+    estimator = EstimatorConfig(
+        use_depth=not arguments.rgb_only,
+        scene_network=arguments.scene is not None,
+        joint_variant=arguments.variant,
+    )
+    if arguments.scene is not None and not looks_at_scene(estimator):
         raise DataError(
             f"--variant {arguments.variant} asks no network, and --scene {arguments.scene} is given; drop one"
         )
@@ -145,11 +146,6 @@ def run(arguments: argparse.Namespace) -> int:
     held_out = subset_names(source, arguments.hold_out, "--hold-out")
     context = _settings(arguments)
     config = train.TrainConfig(svm=svm, folds=arguments.folds, algorithm=arguments.algorithm, context=context)
-    estimator = EstimatorConfig(
-        use_depth=not arguments.rgb_only,
-        scene_network=arguments.scene is not None,
-        joint_variant=arguments.variant,
-    )
     networks = None if arguments.scene is None else read_folds(arguments.scene.absolute())
     store = ExampleStore((arguments.out / "work" / "examples").absolute())
     with held_alone("--out", arguments.out), open_workers(arguments.jobs, arguments.scheduler) as spread:

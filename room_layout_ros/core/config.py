@@ -11,6 +11,18 @@ from typing import Any
 
 Value = bool | int | float | str
 
+JOINT, SIMPLE = "joint", "depth"
+"""Values of `method`: the learned model, the simple depth estimator."""
+
+CONTEXT, KERNEL = "context", "kernel"
+"""Values of `furniture_features`."""
+
+JOINT_VARIANTS = ("full", "paper", "rgb", "om_only", "gc_only", "no_compatibility", "no_planes", "no_pairs")
+"""Values of `joint_variant`: all of `weights.VARIANTS` but that without the scene network, a setting of its own."""
+
+EDGES, DEPTH, NONE = "edges", "depth", "none"
+"""Values of `refinement`: onto the edges of the picture too, to the depth alone, none."""
+
 _MIN_WORKING_PX = 160
 """Smaller images have too few cells of depth."""
 
@@ -85,12 +97,12 @@ class EstimatorConfig:
         "results have the image's size", "px", 0, 8192,
     )  # fmt: skip
     method: str = _p(
-        "joint", "joint: the learned model; depth: the simple depth estimator (a baseline)", choices=("joint", "depth")
+        JOINT, "joint: the learned model; depth: the simple depth estimator (a baseline)", choices=(JOINT, SIMPLE)
     )
     scene_network: bool = _p(True, "look at the colour image with the convolutional network, the most accurate way")
     furniture_features: str = _p(
-        "context", "what tells furniture: context, a forest, 1 ms; kernel, the paper's kernel descriptors, 0.3 s",
-        choices=("context", "kernel"),
+        CONTEXT, "what tells furniture: context, a forest, 1 ms; kernel, the paper's kernel descriptors, 0.3 s",
+        choices=(CONTEXT, KERNEL),
     )  # fmt: skip
     axes_hypotheses: int = _p(4, "namings and triples of the axes that the joint energy chooses from", "", 1, 8)
     axes_hypotheses_rgb: int = _p(2, "the same without depth", "", 1, 8)
@@ -129,14 +141,10 @@ class EstimatorConfig:
     layout_temperature: float = _p(0.01, "energy (share of the image) at which belief falls to 1/e", "", 1e-6, 10.0)
     joint_alternations: int = _p(5, "rounds of labels and layout at most (Alg. 1: M)", "", 1, 50)
     joint_starts: int = _p(2, "diverse layouts that the alternation starts from", "", 1, 20)
-    joint_variant: str = _p(
-        "full",
-        "blocks of the model that are used",
-        choices=("full", "paper", "rgb", "om_only", "gc_only", "no_compatibility", "no_planes", "no_pairs"),
-    )
+    joint_variant: str = _p("full", "blocks of the model that are used", choices=JOINT_VARIANTS)
     refinement: str = _p(
-        "edges", "of the joint solution's planes: to the depth and onto the edges of the picture; to the depth alone; "
-        "none, as in the paper", choices=("edges", "depth", "none"),
+        EDGES, "of the joint solution's planes: to the depth and onto the edges of the picture; to the depth alone; "
+        "none, as in the paper", choices=(EDGES, DEPTH, NONE),
     )  # fmt: skip
     joint_bound: bool = _p(False, "compute the lower bound of the joint energy too")
     labelling_sweeps: int = _p(10, "sweeps of message passing at most", "", 1, 1000)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .config import EDGES, NONE
 from .edge_refinement import RoomPicture, refine_on_edges
 from .frame import RgbdFrame
 from .joint import JointEstimate
@@ -19,9 +20,6 @@ from .room_cost import IMAGE_COSTS, CellCosts, FittedRoom, cell_costs, rate_room
 from .room_refinement import refine_room
 from .room_search import search_room
 from .wall_naming import rename_walls
-
-EDGES, DEPTH, NONE = "edges", "depth", "none"
-"""Ways of refinement, values of the setting `refinement`."""
 
 _HOPELESS = 1.03
 """A start that costs this much more than the other is not refined; it hardly ever ends up better."""
@@ -68,7 +66,7 @@ def refine_cuboid(
     context : (K, 6) float64 label probabilities, None where there are none.
     frame : RgbdFrame
         Its colour is looked at where line segments are seen in it.
-    way : `EDGES`, `DEPTH` (not onto the edges of the picture) or `NONE` (the discrete optimum stays, as in the paper).
+    way : `config.EDGES`, `DEPTH` (not onto the edges of the picture) or `NONE` (the discrete optimum stays).
     """
     cuboid, geometry, index, scores = joint.cuboid, seen.geometry, seen.superpixels.index, seen.scores
     labels = np.eye(N_LABELS)[joint.labels.astype(np.intp) - 1]

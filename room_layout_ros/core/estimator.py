@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .conclusion import conclude
-from .config import EstimatorConfig
+from .config import JOINT, KERNEL, SIMPLE, EstimatorConfig
 from .cuboid_refinement import refine_cuboid
 from .depth_estimator import estimate_from_depth
 from .estimate import RoomEstimate, Status, no_estimate
@@ -20,13 +20,12 @@ from .furniture import FurnitureModel, find_furniture
 from .hypotheses import classify_superpixels, gather_hypotheses
 from .joint import estimate_joint
 from .kernel_furniture import find_furniture_by_kernels, load_kernel_classifier
-from .models import load_models, load_scene_network
+from .models import load_models, load_scene_network, looks_at_scene
 from .network.scene_network import SceneScores, compute_scene_scores
 from .observation import Observation, observe
 from .stage_clock import StageClock
 from .tracking import TemporalPrior
 from .upright import Turn
-from .weights import uses
 from .working_size import resize_frame, restore_estimate, working_factors
 
 
@@ -47,10 +46,9 @@ class LayoutEstimator:
 
     def __init__(self, config: EstimatorConfig | None = None, models: Path | None = None) -> None:
         self.config = config or EstimatorConfig()
-        seen = uses(self.config.joint_variant, "layout_scene")
-        looks = self.config.scene_network and self.config.method == "joint" and seen
+        looks = looks_at_scene(self.config)
         self.network = load_scene_network(models) if looks else None
-        self.kernels = load_kernel_classifier(models) if self.config.furniture_features == "kernel" else None
+        self.kernels = load_kernel_classifier(models) if self.config.furniture_features == KERNEL else None
         ways = product((True, False), (True, False) if looks else (False,))
         self.models = {way: load_models(*way, models) for way in ways}
 
@@ -78,11 +76,11 @@ class LayoutEstimator:
             return self._estimate_turned(turn, frame, prior, expired)
         if working_factors(camera, config.working_size_px) != (1, 1):
             return self._estimate_resized(frame, prior, expired)
-        seen = observe(frame, config, self.look, prior, run, with_parts=config.method == "joint")
+        seen = observe(frame, config, self.look, prior, run, with_parts=config.method == JOINT)
         if isinstance(seen, Status):
             return no_estimate(seen, frame, run.timings_ms)
         geometry, superpixels = seen.geometry, seen.superpixels
-        if config.method == "depth" and geometry is not None:
+        if config.method == SIMPLE and geometry is not None:
             return run("layout", estimate_from_depth, frame, geometry, seen.axes, superpixels, run.timings_ms)
         models = self.models[seen.way]
         context = run("context", classify_superpixels, seen.features, models.context, config.joint_variant)

@@ -23,11 +23,8 @@ from .evidence.surrounding_means import REACHES, with_surroundings
 from .furniture import FURNITURE_IDS, group_furniture, paint_furniture
 from .labels import CLUTTER
 from .model_file import WeightsError, read_arrays, write_arrays
-from .models import config_folder
+from .models import KERNEL_FURNITURE_FILE, config_folder
 from .superpixels import Superpixels
-
-KERNEL_FURNITURE_FILE = "furniture_kernels.npz"
-"""The model of this file's classifier; one for all ways of operation."""
 
 SETS = {"color_depth": DESCRIPTORS, "color": COLOR, "depth": DEPTH}
 """Descriptors that each classifier reads, by its name."""

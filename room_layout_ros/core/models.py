@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
 
 from .confidence import ConfidenceModel, load_confidence
+from .config import JOINT, KERNEL, EstimatorConfig
 from .evidence.geometric_context import ContextModel, load_context
 from .furniture import FurnitureModel, load_furniture
 from .model_file import WeightsError
 from .network.scene_network import SceneNetwork, load_network
-from .weights import ModelWeights, load_weights
+from .weights import ModelWeights, load_weights, uses
 
 SCENE_FILE = "scene.npz"
 """The scene network; it sees colour only, so there is one."""
+
+KERNEL_FURNITURE_FILE = "furniture_kernels.npz"
+"""The classifier of furniture by kernel descriptors; one for all ways of operation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +47,29 @@ def model_file(kind: str, with_depth: bool, with_scene: bool = True) -> str:
     kind : name of a field of `Models`. with_depth : RGB-D or RGB. with_scene : with the scene network, or without.
     """
     return f"{kind}_{'rgbd' if with_depth else 'rgb'}{'' if with_scene else '_plain'}.npz"
+
+
+def looks_at_scene(config: EstimatorConfig) -> bool:
+    """Whether an estimator of this configuration asks the scene network about colour images."""
+    return config.method == JOINT and config.scene_network and uses(config.joint_variant, "layout_scene")
+
+
+def used_files(config: EstimatorConfig, also_rgb: bool = False) -> set[str]:
+    """Return the names of the files that estimates of frames with colour and depth come from.
+
+    Parameters
+    ----------
+    config : EstimatorConfig
+    also_rgb : bool
+        Frames are estimated a second time, without their depth.
+    """
+    if config.method != JOINT:
+        return set()
+    with_scene = looks_at_scene(config) and config.use_color
+    depths = {config.use_depth, config.use_depth and not also_rgb}
+    files = {model_file(field.name, depth, with_scene) for field in fields(Models) for depth in depths}
+    files |= {SCENE_FILE} if with_scene else set()
+    return files | ({KERNEL_FURNITURE_FILE} if config.furniture_features == KERNEL else set())
 
 
 def load_models(with_depth: bool, with_scene: bool = True, folder: Path | None = None) -> Models:
