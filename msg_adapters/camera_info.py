@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from room_layout_ros.decoding.camera_info import CameraReading, check_size, decode_camera_info, may_be_bent
+from room_layout_ros.decoding.camera_info import CameraReading, check_size, decode_camera_info
 
-__all__ = ["CameraReading", "check_size", "decode_camera_info", "may_be_bent"]
+__all__ = ["CameraReading", "check_size", "decode_camera_info"]

@@ -8,7 +8,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Protocol
 
-from msg_adapters.camera_info import CameraReading, may_be_bent
+from msg_adapters.camera_info import CameraReading
 
 from .core.config import EstimatorConfig
 from .core.estimate import RoomEstimate
@@ -101,10 +101,4 @@ class Settings:
 def _read_camera(path: Path) -> CameraReading:
     """Return the camera of a calibration file, with the warning that camera_info of the same values would get."""
     calibration = read_calibration(path)
-    warning = ""
-    if may_be_bent(calibration.K, calibration.P, calibration.D):
-        warning = (
-            f"{path} has distortion but the same K and P, or no P; "
-            "if the images are not rectified, the room will be bent"
-        )
-    return CameraReading(calibration.intrinsics, "", warning)
+    return CameraReading(calibration.intrinsics, "", calibration.warning)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from frames_on_disk import assert_same_samples, make_samples, write_folder
 
-from room_layout_ros.commands.evaluate_input import choose_frames
+from room_layout_ros.commands.frame_choice import choose_frames
 from room_layout_ros.commands.view import find_frame
+from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import CLUTTER
 from room_layout_ros.datasets import (
     BadFrame,
@@ -217,6 +218,9 @@ def test_a_folder_of_colour_alone_gives_frames_without_depth(folder: Path) -> No
         ("image_width: 640\nimage_height: 480\n", "no camera_matrix"),
         ("image_width: 64\nimage_height: 48\ncamera_matrix: {data: [1, 0, 0]}\n", "3 numbers"),
         ("image_width: 64\nimage_height: 48\ncamera_matrix: {data: [0,0,0,0,0,0,0,0,1]}\n", "calibrated"),
+        ("image_width: 64\nimage_height: 48\ncamera_matrix: [[9, 0, 9], [0, 9, 9]]\n", "6 numbers"),
+        ("image_width: 64\nimage_height: 48\ncamera_matrix: [[9, 0, 9], [0, [9], 9], 1]\n", "nor rows"),
+        ("image_width: 64\nimage_height: 48\ncamera_matrix: !!python/tuple [9, 0]\n", "is no YAML"),
         ("image_width: wide\nimage_height: 48\ncamera_matrix: {data: [9,0,9,0,9,9,0,0,1]}\n", "image_width"),
         ("a: &x [1]\nb: [*x, *x]\n", "aliases"),
         ("x" * 70000, "at most"),
@@ -229,6 +233,37 @@ def test_a_bad_calibration_refuses_the_folder_in_one_sentence(folder: Path, text
     with pytest.raises(DataError, match=words) as caught:
         open_source(folder)
     assert "\n" not in str(caught.value)
+
+
+K_ROWS = "[[525.0, 0, 319.5], [0, 525.0, 239.5], [0, 0, 1]]"
+OPENCV = """%YAML:1.0
+---
+image_width: 640
+image_height: 480
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 525., 0., 319.5, 0.,
+       525., 239.5, 0., 0., 1. ]
+"""
+
+
+@pytest.mark.parametrize(
+    "text",
+    (
+        "image_width: 640\nimage_height: 480\ncamera_matrix: [525.0, 0, 319.5, 0, 525.0, 239.5, 0, 0, 1]\n",
+        f"image_width: 640\nimage_height: 480\ncamera_matrix: {K_ROWS}\n",
+        f"image_width: 640\nimage_height: 480\ncamera_matrix: {{data: {K_ROWS}}}\n",
+        OPENCV,
+    ),
+    ids=("list", "rows", "rows as data", "OpenCV's"),
+)
+def test_camera_files_of_other_hands_are_read(text: str, tmp_path: Path) -> None:
+    (tmp_path / "camera.yaml").write_text(text)
+    calibration = read_calibration(tmp_path / "camera.yaml")
+    assert calibration.intrinsics == CameraIntrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
+    assert calibration.warning == ""
 
 
 def test_a_calibration_reads_back_equal(data_root: Path, tmp_path: Path) -> None:

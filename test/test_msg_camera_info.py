@@ -88,3 +88,21 @@ def test_f29_distortion_with_K_equal_to_P_is_suspicious_but_used() -> None:
     assert "bent" in reading.warning
     assert decode_camera_info(replace(FakeInfo(p=same), d=(0.0,) * 5)).warning == ""
     assert decode_camera_info(FakeInfo(d=(0.1, 0, 0, 0, 0))).warning == ""  # P differs from K: was rectified
+
+
+@pytest.mark.parametrize(
+    ("factor", "asked"), ((0.5, True), (2 / 3, True), (1 / 640, True), (1.0, False), (1.5, True), (2.0, True))
+)
+def test_intrinsics_of_another_image_size_are_asked_about_and_used(factor: float, asked: bool) -> None:
+    """Of half or double the size, or in parts of the image: rooms of the wrong width came out with full confidence."""
+    p = tuple(factor * v for v in P)
+    warning = decode_camera_info(FakeInfo(p=p)).warning
+    where = f"({310 * factor:g}, {235 * factor:g}), far from the middle of 640x480"
+    words = f"camera_info has its principal point at {where}; are fx, fy, cx and cy of images of this size, in pixels?"
+    assert warning == (words if asked else "")
+    bent = decode_camera_info(FakeInfo(k=(p[0], 0, p[2], 0, p[5], p[6], 0, 0, 1), p=p, d=(0.1, 0, 0, 0, 0))).warning
+    assert ("bent" in bent, "principal point" in bent) == (True, asked), "one doubt hides no other"
+
+
+def test_a_region_of_interest_has_its_principal_point_where_it_likes() -> None:
+    assert decode_camera_info(FakeInfo(roi=Region(0, 0, 240, 100))).warning == ""

@@ -146,6 +146,11 @@ def test_a_calibration_file_takes_the_place_of_camera_info(tmp_path: Path) -> No
 
 BENT = "has distortion but the same K and P, or no P; if the images are not rectified, the room will be bent"
 
+OTHER_SIZE = (
+    f"has its principal point at (0.5, 0.5), far from the middle of {CAMERA.width}x{CAMERA.height}; "
+    "are fx, fy, cx and cy of images of this size, in pixels?"
+)
+
 
 @pytest.mark.parametrize(
     ("changes", "warning"),
@@ -154,8 +159,9 @@ BENT = "has distortion but the same K and P, or no P; if the images are not rect
         ({"D": (0.1, 0.0, 0.0, 0.0, 0.0)}, BENT),
         ({"D": (0.1, 0.0, 0.0, 0.0, 0.0), "P": (0.0,) * 12}, BENT),
         ({"D": (0.1, 0.0, 0.0, 0.0, 0.0), "K": (530.0, 0.0, 319.5, 0.0, 525.0, 239.5, 0.0, 0.0, 1.0)}, ""),
+        ({"K": (0.8, 0.0, 0.5, 0.0, 1.1, 0.5, 0.0, 0.0, 1.0), "P": (0.0,) * 12}, OTHER_SIZE),
     ),
-    ids=("no distortion", "K and P are equal", "no P", "rectified"),
+    ids=("no distortion", "K and P are equal", "no P", "rectified", "of another size"),
 )
 def test_a_calibration_file_gets_the_warning_that_camera_info_gets(
     tmp_path: Path, changes: dict[str, Any], warning: str, capfd: pytest.CaptureFixture[str]

@@ -1,4 +1,4 @@
-"""How an input is opened: the options of a bag, and a word on what is in a folder and is not read."""
+"""How an input is opened: the options of a bag, and a word on what is not read and on a camera that may be another."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 from room_layout_ros.commands.counts import real
 from room_layout_ros.datasets import DataError, FramesFolder, FrameSource, open_source
+from room_layout_ros.datasets.bag import BagSource
 from room_layout_ros.datasets.folder import unread
 from room_layout_ros.datasets.source import opens_as_bag
 
@@ -83,8 +84,18 @@ def refuse_bag_options(arguments: argparse.Namespace, why: str) -> None:
 
 
 def open_and_tell(path: Path, **options: object) -> FrameSource:
-    """Open an input, and say on stderr what of a frames folder is not read though something like it is."""
-    source = open_source(path, **options)
-    if isinstance(source, FramesFolder) and (told := unread(source.path)):
-        print(told, file=sys.stderr)
+    """Open an input; say on stderr what of a folder is not read though the like is, and what is odd about the camera.
+
+    Raises
+    ------
+    DataError
+        See `open_source`; also where no camera_info of a bag can be used.
+    """
+    source, told = open_source(path, **options), list[str]()
+    if isinstance(source, FramesFolder):
+        told = [unread(source.path), source.calibration.warning]
+    elif isinstance(source, BagSource) and (warning := source.first_calibration().warning):
+        told = [warning if source.camera is not None else f"{path}: {warning}"]
+    for sentence in filter(None, told):
+        print(sentence, file=sys.stderr)
     return source

@@ -178,7 +178,8 @@ def decode_calibration(message: Any) -> CameraCalibration:
     DataError
         See `decoding.camera_info.decode_camera_info`.
     """
-    camera = _read(decode_camera_info, message).camera
+    reading = _read(decode_camera_info, message)
+    camera = reading.camera
     K, P = [float(v) for v in message.k], [float(v) for v in message.p]
     if P[0] == 0 and P[5] == 0:
         P = [0.0] * 12  # K stands in for it
@@ -193,7 +194,7 @@ def decode_calibration(message: Any) -> CameraCalibration:
                 values[cy] = (values[cy] - y0 + 0.5) / by - 0.5
     D, R = tuple(float(v) for v in message.d), tuple(float(v) for v in message.r)
     model, name = str(message.distortion_model), str(message.header.frame_id)
-    return CameraCalibration(camera.width, camera.height, tuple(K), D, R, tuple(P), model, name)
+    return CameraCalibration(camera.width, camera.height, tuple(K), D, R, tuple(P), model, name, reading.warning)
 
 
 def _read(decoder: Callable[[Any], T], message: Any) -> T:

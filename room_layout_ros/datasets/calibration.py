@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from room_layout_ros.core.frame import CameraIntrinsics
+from room_layout_ros.decoding.camera_info import camera_warning, may_be_bent, off_centre
 
 from .errors import DataError
 
@@ -16,6 +17,8 @@ MAX_YAML_BYTES = 65536
 _NEEDED = "a ROS camera calibration with image_width, image_height and camera_matrix is needed"
 _NO_ROTATION = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 _SIZES = {"camera_matrix": 9, "rectification_matrix": 9, "projection_matrix": 12}
+_OPENCV_HEAD, _OPENCV_TAG = "%YAML:1.0", "!!opencv-matrix"
+"""What OpenCV's FileStorage writes that no YAML reader takes; its matrices have the key `data`, as ROS's have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +30,7 @@ class CameraCalibration:
     width, height : pixels.
     K : 9 numbers, intrinsics of the raw image. D : distortion. R : 9, rectification.
     P : 12, projection of the rectified image; all zero where not given.
+    warning : what is odd about the file or message that it is of, usable all the same; "" where nothing is.
     """
 
     width: int
@@ -37,6 +41,7 @@ class CameraCalibration:
     P: tuple[float, ...] = (0.0,) * 12
     distortion_model: str = "plumb_bob"
     camera_name: str = "camera"
+    warning: str = field(default="", compare=False)
 
     @classmethod
     def from_intrinsics(cls, camera: CameraIntrinsics, name: str = "camera") -> CameraCalibration:
@@ -68,7 +73,7 @@ class CameraCalibration:
 
 
 def read_calibration(path: Path) -> CameraCalibration:
-    """Read a ROS camera calibration YAML.
+    """Read a ROS camera calibration YAML, or one of the same names that OpenCV's FileStorage wrote.
 
     Raises
     ------
@@ -79,7 +84,7 @@ def read_calibration(path: Path) -> CameraCalibration:
         if path.stat().st_size > MAX_YAML_BYTES:
             raise DataError(f"{path} is {path.stat().st_size} bytes; a camera calibration has at most {MAX_YAML_BYTES}")
         # Aliases of a calibration file have no use, but could expand without bound ("billion laughs").
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8").removeprefix(_OPENCV_HEAD).replace(_OPENCV_TAG, "")
         if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(text, Loader=yaml.SafeLoader)):
             raise DataError(f"{path} uses YAML aliases; a camera calibration must not")
         fields = yaml.safe_load(text)
@@ -114,18 +119,25 @@ def _calibration(fields: dict[str, Any], path: Path) -> CameraCalibration:
         str(fields.get("camera_name", "camera")),
     )
     try:
-        _ = calibration.intrinsics
+        camera = calibration.intrinsics
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
-    return calibration
+    bent = "has distortion but the same K and P, or no P; if the images are not rectified, the room will be bent"
+    doubts = (
+        bent if may_be_bent(calibration.K, calibration.P, calibration.D) else "",
+        off_centre(width, height, camera.cx, camera.cy),
+    )
+    return replace(calibration, warning=camera_warning(str(path), *doubts))
 
 
 def _numbers(field: object, key: str, path: Path) -> tuple[float, ...]:
     values = field.get("data") if isinstance(field, dict) else field
+    if isinstance(values, list) and values and all(isinstance(row, list) for row in values):
+        values = [value for row in values for value in row]
     try:
         numbers = tuple(float(v) for v in values)  # type: ignore[union-attr]
     except (TypeError, ValueError):
-        raise DataError(f"{path}: {key} is no list of numbers") from None
+        raise DataError(f"{path}: {key} is no list of numbers, nor `data:` with one, nor rows") from None
     if len(numbers) != _SIZES.get(key, len(numbers)):
         raise DataError(f"{path}: {key} has {len(numbers)} numbers; it must have {_SIZES[key]}")
     return numbers

@@ -11,6 +11,9 @@ from room_layout_ros.core.frame import CameraIntrinsics
 
 from .protocols import CameraInfoLike
 
+_MIDDLE = 0.35, 0.65
+"""Where the principal point of a whole image lies, of its sides; with intrinsics of 2/3 of the size it is at 0.33."""
+
 
 @dataclass(frozen=True, slots=True)
 class CameraReading:
@@ -52,11 +55,10 @@ def decode_camera_info(message: CameraInfoLike) -> CameraReading:
                 "the camera is uncalibrated or its images are not rectified"
             )
         P = np.array([K[0], 0, K[2], 0, 0, K[4], K[5], 0, 0, 0, 1, 0])
-    warning = ""
-    if may_be_bent(K, P, D):
-        warning = (
-            "camera_info has distortion but the same K and P; if the images are not rectified, the room will be bent"
-        )
+    bent = "has distortion but the same K and P; if the images are not rectified, the room will be bent"
+    whole = int(message.width), int(message.height)  # a region of interest says itself that it is a part
+    doubts = bent if may_be_bent(K, P, D) else "", off_centre(*whole, float(P[2]), float(P[6]))
+    warning = camera_warning("camera_info", *doubts)
     return CameraReading(_crop_and_bin(message, P), str(message.header.frame_id), warning)
 
 
@@ -65,6 +67,25 @@ def may_be_bent(K: ArrayLike, P: ArrayLike, D: ArrayLike) -> bool:
     k, p = np.asarray(K), np.asarray(P)
     distorted = bool((np.asarray(D) != 0).any())
     return distorted and (not (p != 0).any() or np.array_equal(p[[0, 2, 5, 6]], k[[0, 2, 4, 5]]))
+
+
+def off_centre(width: int, height: int, cx: float, cy: float) -> str:
+    """Return the question whether intrinsics are of images of this size; "" where the principal point is about amidst.
+
+    Those of images of half or of double the size, or in parts of the image's width, are not; a cut image's may be.
+    """
+    if all(_MIDDLE[0] * side <= c <= _MIDDLE[1] * side for c, side in ((cx, width), (cy, height))):
+        return ""
+    return (
+        f"has its principal point at ({cx:g}, {cy:g}), far from the middle of {width}x{height}; "
+        "are fx, fy, cx and cy of images of this size, in pixels?"
+    )
+
+
+def camera_warning(what: str, *doubts: str) -> str:
+    """Return doubts in a camera as one warning; `what` names the camera. "" where there is none."""
+    said = " and ".join(doubt for doubt in doubts if doubt)
+    return f"{what} {said}" if said else ""
 
 
 def check_size(camera: CameraIntrinsics, what: str, height: int, width: int) -> None:

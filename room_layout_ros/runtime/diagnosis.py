@@ -38,7 +38,7 @@ class InputFacts:
     extrinsics: str = ""
     """Where the pose of the camera that this image is registered to comes from, or "" where it is not registered."""
     bent: str = ""
-    """Why a camera's images may not be rectified, which the log has said; "" where they are."""
+    """What is odd about a camera by itself, which the log has said: not rectified, of another size; "" if nothing."""
     foreign: str = ""
     """Why a camera may not be that of the images; "" where it is."""
     elsewhere: str = ""
