@@ -38,7 +38,7 @@ class ObjectCuboid:
     size_m : (3,) float64 along its own x, its own y and z; all above 0.
     yaw : float, radians, of its own x axis in the floor frame, -pi/4..pi/4.
     nyu40 : class of most of its classified pixels, 0 where none is classified.
-    points : number of pixels it is made of (one in four is looked at).
+    points : of the pixels that are looked at, one in four, those it is made of.
     """
 
     center_m: NDArray[np.float64]

@@ -10,7 +10,9 @@ from .superpixel_assignment import AB_OFFSET, CA, CAP, CB, CL, GA, GB, KW, L_SCA
 N_SUMS = 19
 """n, x, y, L, a, b; measured, gradient (2); pixels of the plane: m, x, y, xx, xy, yy, w, xw, yw, ww."""
 
-MIN_PLANE_PIXELS = 6.0
+MIN_CENTER_PIXELS = 6.0
+"""A centre whose plane has fewer pixels has none."""
+
 _NO_PLANE = 1e20
 """KW of a centre without plane: finite, as 0 times infinity is no number."""
 
@@ -161,7 +163,7 @@ def move_centers(sums, centers, noise, noise_quantum, weight, cap):  # type: ign
             c[GA], c[GB] = s[7] / s[6], s[8] / s[6]
         a, b, w = plane_of_sums(s, c[X], c[Y])
         c[PA], c[PB], c[PC] = a, b, w
-        if s[9] >= MIN_PLANE_PIXELS:
+        if s[9] >= MIN_CENTER_PIXELS:
             c[KW], c[CAP] = weight / plane_variance(w, noise, noise_quantum), weight * cap
         else:
             c[KW], c[CAP] = _NO_PLANE, weight * _NEUTRAL
