@@ -15,7 +15,7 @@ from benchmarks._frames import DATA
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.labels import FRONT_WALL
+from room_layout_ros.core.labels import FRONT_FACE
 from room_layout_ros.datasets import open_folder
 from room_layout_ros.datasets.synthetic import KINECT, NOISES, camera_pose, random_scene, render
 
@@ -28,7 +28,6 @@ CORRIDOR = (*range(35, 76, 5), *range(135, 171, 5))
 
 ROOMS = 12
 STREAM = 77
-FRONT = FRONT_WALL - 1
 
 
 def view_along(seed: int) -> tuple[RgbdFrame, float]:
@@ -44,7 +43,7 @@ def view_along(seed: int) -> tuple[RgbdFrame, float]:
     sample = render(room, KINECT, pose, NOISES["kinect"], rng)
     assert sample.truth is not None
     assert sample.truth.cuboid is not None
-    return sample.frame, float(sample.truth.cuboid.distances[FRONT])
+    return sample.frame, float(sample.truth.cuboid.distances[FRONT_FACE])
 
 
 def corridor(estimator: LayoutEstimator) -> Iterator[tuple[RgbdFrame, float]]:
@@ -54,7 +53,7 @@ def corridor(estimator: LayoutEstimator) -> Iterator[tuple[RgbdFrame, float]]:
         frame = folder.read(f"{number:04d}").frame
         room = estimator.estimate(frame).cuboid
         assert room is not None
-        yield frame, float(room.distances[FRONT])
+        yield frame, float(room.distances[FRONT_FACE])
 
 
 def cut_off(frame: RgbdFrame, farthest_m: float) -> RgbdFrame:
@@ -69,9 +68,9 @@ def report(title: str, views: list[tuple[RgbdFrame, float]], estimator: LayoutEs
         off, confidence = [], []
         for frame, true_m in views:
             estimate = estimator.estimate(cut_off(frame, share * true_m) if share < 1.0 else frame)
-            found_m = float("inf") if estimate.cuboid is None else float(estimate.cuboid.distances[FRONT])
+            found_m = float("inf") if estimate.cuboid is None else float(estimate.cuboid.distances[FRONT_FACE])
             off.append(found_m / true_m)
-            confidence.append(float(estimate.face_confidence[FRONT]))
+            confidence.append(float(estimate.face_confidence[FRONT_FACE]))
         ratio, sure = np.array(off), np.array(confidence)
         right = np.abs(ratio - 1.0) <= RIGHT
         told = [f"{sure[which].mean():.2f}" if which.any() else "-" for which in (right, ~right)]

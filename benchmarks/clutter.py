@@ -14,12 +14,11 @@ import cv2
 import numpy as np
 
 from room_layout_ros.core.estimator import LayoutEstimator
-from room_layout_ros.core.labels import CLUTTER
+from room_layout_ros.core.labels import CLUTTER, WALL_IDS
 from room_layout_ros.datasets import Sample
 from room_layout_ros.datasets.synthetic import KINECT, random_pose, random_scene, render
 from room_layout_ros.evaluation.measures import score_pixels
 
-WALLS = (3, 4, 5)
 IN_VIEW = 0.02
 """A wall with a smaller share of the image is not counted."""
 VIEWS, SEED = 36, 2013
@@ -34,7 +33,7 @@ def hidden_walls(sample: Sample) -> list[float]:
     assert truth is not None
     assert truth.layout is not None
     assert truth.labels is not None
-    walls = [truth.layout == wall for wall in WALLS]
+    walls = [truth.layout == wall for wall in WALL_IDS]
     return [float((truth.labels[wall] == CLUTTER).mean()) for wall in walls if wall.mean() > IN_VIEW]
 
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.beyond_range import FRONT, cut_off, view_along
+from benchmarks.beyond_range import cut_off, view_along
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import CameraIntrinsics
-from room_layout_ros.core.labels import N_FACES
+from room_layout_ros.core.labels import FRONT_FACE, N_FACES
 from room_layout_ros.evaluation.free_space import MOUNTS, random_views
 
 
@@ -28,8 +28,8 @@ def test_a_wall_beyond_the_sensors_range_is_where_the_picture_has_it(
     frame, front_m = view_along(seed)
     seen, inferred = estimator.estimate(frame), estimator.estimate(cut_off(frame, reach * front_m))
     assert inferred.cuboid is not None
-    assert abs(inferred.cuboid.distances[FRONT] / front_m - 1.0) < 0.05
-    assert inferred.face_confidence[FRONT] <= 0.55 * seen.face_confidence[FRONT], "no depth lies on it"
+    assert abs(inferred.cuboid.distances[FRONT_FACE] / front_m - 1.0) < 0.05
+    assert inferred.face_confidence[FRONT_FACE] <= 0.55 * seen.face_confidence[FRONT_FACE], "no depth lies on it"
 
 
 def test_a_face_of_which_no_pixel_is_in_view_has_no_distance() -> None:

@@ -11,7 +11,6 @@ from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.evidence.features import SuperpixelFeatures
 from room_layout_ros.core.forest import Forest
 from room_layout_ros.core.furniture import (
-    FURNITURE_IDS,
     FurnitureModel,
     classify_furniture,
     group_furniture,
@@ -19,6 +18,7 @@ from room_layout_ros.core.furniture import (
     paint_furniture,
     save_furniture,
 )
+from room_layout_ros.core.labels import FURNITURE_IDS
 from room_layout_ros.core.model_file import WeightsError
 from room_layout_ros.core.superpixels import compute_superpixels
 

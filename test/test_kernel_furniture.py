@@ -18,7 +18,6 @@ from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.evidence.kernel_descriptors import COLOR, DEPTH, DESCRIPTORS, DescriptorModel
 from room_layout_ros.core.evidence.match_kernels import Floats, compact_basis, standard_kernels
 from room_layout_ros.core.frame import CameraIntrinsics
-from room_layout_ros.core.furniture import FURNITURE_IDS
 from room_layout_ros.core.kernel_furniture import (
     SETS,
     KernelFurnitureModel,
@@ -28,7 +27,7 @@ from room_layout_ros.core.kernel_furniture import (
     load_kernel_furniture,
     save_kernel_furniture,
 )
-from room_layout_ros.core.labels import CLUTTER
+from room_layout_ros.core.labels import CLUTTER, FURNITURE_IDS, N_CLUTTER_CLASSES
 from room_layout_ros.core.model_file import WeightsError, read_arrays, write_arrays
 from room_layout_ros.core.models import KERNEL_FURNITURE_FILE, config_folder
 from room_layout_ros.datasets import FramesFolder, Sample, good_samples, open_folder
@@ -38,7 +37,6 @@ from room_layout_ros.learning.kernel_rows import WordSettings
 from room_layout_ros.learning.linear_svm import fit_one_vs_rest
 
 CAMERA = CameraIntrinsics(240, 180, 140.0, 140.0, 119.5, 89.5)
-CLASSES = len(FURNITURE_IDS) + 1
 BED = FURNITURE_IDS.index(4)
 KERNELS = standard_kernels()
 
@@ -52,10 +50,12 @@ def model(**chosen: int) -> KernelFurnitureModel:
     descriptors = DescriptorModel(kernels, words)
     classifiers = {}
     for name, read in SETS.items():
-        sure = np.where(np.arange(CLASSES) == chosen.get(name, BED), 9.0, 0.0).astype(np.float32)
-        zeros = np.zeros((CLASSES, len(columns_of(descriptors, read))), np.float32)
+        sure = np.where(np.arange(N_CLUTTER_CLASSES) == chosen.get(name, BED), 9.0, 0.0).astype(np.float32)
+        zeros = np.zeros((N_CLUTTER_CLASSES, len(columns_of(descriptors, read))), np.float32)
         classifiers[name] = LinearClassifier(zeros, sure)
-    return KernelFurnitureModel(descriptors, classifiers, np.full(CLASSES, 1 / CLASSES, np.float32), {"made": "here"})
+    return KernelFurnitureModel(
+        descriptors, classifiers, np.full(N_CLUTTER_CLASSES, 1 / N_CLUTTER_CLASSES, np.float32), {"made": "here"}
+    )
 
 
 def rooms(count: int) -> Iterator[Sample]:
@@ -105,8 +105,8 @@ def test_a_model_survives_its_file_byte_for_byte(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "value", "said"),
     [
-        ("prior", np.zeros(CLASSES, np.float32), "above 0 is needed"),
-        ("svm_color.weights", np.zeros((CLASSES, 2), np.float32), "classifier 'color' has weights"),
+        ("prior", np.zeros(N_CLUTTER_CLASSES, np.float32), "above 0 is needed"),
+        ("svm_color.weights", np.zeros((N_CLUTTER_CLASSES, 2), np.float32), "classifier 'color' has weights"),
         ("spin.words.points", np.zeros((3, 4), np.float32), "words of spin have 4 components"),
         ("gradient.pairs", np.full((50, 2), 90, np.int16), "components below"),
         ("spin.attribute.gamma", np.zeros(0), "gamma of spin.attribute has 0 values"),

@@ -15,9 +15,9 @@ from .geometric_labelling import label_by_geometry
 from .layout import RoomCuboid
 from .manhattan import ManhattanFrame
 from .superpixels import Superpixels
+from .wall_naming import NAME_TIE
 
 _HYPOTHESES = 4
-_NAME_TIE = 1e-3
 
 
 def estimate_from_depth(
@@ -57,6 +57,6 @@ def best_layout(rooms: list[ScoredLayout]) -> ScoredLayout:
     """The layout with the highest score; near ties go to the earlier hypothesis, so that names do not flicker."""
     best = rooms[0]
     for room in rooms[1:]:
-        if room.score > best.score + _NAME_TIE:
+        if room.score > best.score + NAME_TIE:
             best = room
     return best

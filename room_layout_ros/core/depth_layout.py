@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .depth_cells import DepthCells
-from .labels import FRONT_WALL, N_FACES
+from .labels import FRONT_FACE, N_FACES
 from .layout import FACE_AXIS, FACE_SIGN, face_of_ray, plane_rows
 
 VIOLATION_WEIGHT = 1.5
@@ -91,7 +91,7 @@ def _drop_slivers(
     """Declare slivers absent that nothing supports or needs: a guess at the edge of the data is no observation."""
     support, violation, area = _balance(evidence, distances)
     for face in np.flatnonzero((support < _MIN_SUPPORT) & (area < _SLIVER)):
-        if face == FRONT_WALL - 1:
+        if face == FRONT_FACE:
             continue
         without = float(score_face(evidence, distances, int(face), np.array([np.inf]))[0])
         if without > score - _ABSENT_SLACK:

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .labels import FRONT_WALL
+from .labels import FRONT_FACE
 from .layout import FACE_AXIS, FACE_SIGN
 
 NEAREST_M = 0.2
@@ -78,8 +78,7 @@ def compute_depth_profiles(
     support, violation = _profiles(
         points, agreement, structure, sigma, FACE_AXIS, FACE_SIGN, OFFSETS, _FIRST, _FIRST_STEP_M, _TOLERANCE_M
     )
-    front = FRONT_WALL - 1
-    scales = _scales(OFFSETS, support[front] - violation[front], support[front], scale_count)
+    scales = _scales(OFFSETS, support[FRONT_FACE] - violation[FRONT_FACE], support[FRONT_FACE], scale_count)
     return DepthProfiles(OFFSETS, support, violation, scales)
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .integral_geometry import face_counts
 from .joint_problem import JointProblem
 from .labelling import LabelProblem
-from .labels import FRONT_WALL, N_FACES, N_LABELS
+from .labels import FRONT_FACE, N_FACES, N_LABELS
 from .layout_search import Layout
 from .plane_fit import N_FIT
 from .ray_grid import N_SIDES, SIDE_FACE
@@ -25,7 +25,6 @@ from .weights import BLOCKS, N_FEATURES, SLICES, ModelWeights, physical_table
 
 _TABLE = physical_table()
 _REVERSED = [1, 0, 3, 2, 5, 4]
-_FRONT = FRONT_WALL - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,6 +259,6 @@ def _plane_features(
             s, v = problem.profiles.at(face, np.array([value * scale]))
             support[face], violation[face] = s[0], v[0]
     if problem.profiles is not None:
-        s, v = problem.profiles.at(_FRONT, np.array([scale]))
-        support[_FRONT], violation[_FRONT] = s[0], v[0]
+        s, v = problem.profiles.at(FRONT_FACE, np.array([scale]))
+        support[FRONT_FACE], violation[FRONT_FACE] = s[0], v[0]
     return support, violation, absent

@@ -20,7 +20,7 @@ from scipy.special import softmax
 from .evidence.features import SuperpixelFeatures
 from .evidence.geometric_context import MAX_FEATURES, select_columns
 from .forest import Forest
-from .labels import CLUTTER, FURNITURE_NYU40
+from .labels import CLUTTER, FURNITURE_IDS, N_CLUTTER_CLASSES
 from .model_file import WeightsError, read_arrays, write_arrays
 from .superpixels import Superpixels
 
@@ -29,9 +29,6 @@ _KIND = "room_layout furniture"
 _PASSES, _TAKE, _ALIKE_LAB, _OTHER = 8, 4.0, 15.0, 0.6
 """Of `group_furniture`: rounds, weight of all neighbours together against the own score, difference in Lab that counts
 for 0.6 of the border, prior of "anything else" (below 1: a class missed costs as much as one seen wrongly)."""
-
-FURNITURE_IDS = tuple(FURNITURE_NYU40)
-"""NYU40 id of each class; one more class, the last, is anything else."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +51,8 @@ class FurnitureModel:
     card: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.forest.outputs != len(FURNITURE_IDS) + 1:
-            raise ValueError(f"furniture forest has {self.forest.outputs} outputs; {len(FURNITURE_IDS) + 1} are needed")
+        if self.forest.outputs != N_CLUTTER_CLASSES:
+            raise ValueError(f"furniture forest has {self.forest.outputs} outputs; {N_CLUTTER_CLASSES} are needed")
         if not self.forest.feature_count <= len(self.names) <= MAX_FEATURES:
             raise ValueError(
                 f"furniture model names {len(self.names)} features; its forest reads {self.forest.feature_count}"

@@ -19,15 +19,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .cell_counts import CellCounts, histogram_offsets
-from .labels import CEILING, FLOOR, FRONT_WALL, LEFT_WALL, N_FACES, RIGHT_WALL
+from .labels import CEILING_FACE, FLOOR_FACE, FRONT_FACE, LEFT_FACE, N_FACES, RIGHT_FACE
 from .ray_grid import QUADRANT_HORIZONTAL, QUADRANT_VERTICAL, RayGrid
 
 PairTables = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 """Costs of (y1, y3), (y1, y4), (y2, y3), (y2, y4); the cost of a layout is their sum."""
 
-_FRONT = FRONT_WALL - 1
-_TOP = np.array([CEILING - 1, CEILING - 1, FLOOR - 1, FLOOR - 1])
-_SIDE = np.array([LEFT_WALL - 1, RIGHT_WALL - 1, LEFT_WALL - 1, RIGHT_WALL - 1])
+_TOP = np.array([CEILING_FACE, CEILING_FACE, FLOOR_FACE, FLOOR_FACE])
+_SIDE = np.array([LEFT_FACE, RIGHT_FACE, LEFT_FACE, RIGHT_FACE])
 _VERTICAL = np.array(QUADRANT_VERTICAL)
 _HORIZONTAL = np.array(QUADRANT_HORIZONTAL)
 _LANES = 4
@@ -126,7 +125,7 @@ def _scatter(cost, faceless, quadrant_pixels, box_entries, hidden_entries, secto
     for a in range(len(cost)):
         for q in range(4):
             of_top = cost[a, _TOP[q]]
-            front_over[a, q], side_over[a, q] = cost[a, _FRONT] - of_top, cost[a, _SIDE[q]] - of_top
+            front_over[a, q], side_over[a, q] = cost[a, FRONT_FACE] - of_top, cost[a, _SIDE[q]] - of_top
             total[q] += quadrant_pixels[a, q] * of_top
     for e in range(len(box_entries)):
         cell = box_entries[e, 1]
@@ -233,7 +232,7 @@ def _face_counts(  # type: ignore[no-untyped-def]
     result = np.zeros((len(quadrant_pixels), 5))
     for q in range(4):
         for a in range(len(result)):
-            result[a, _FRONT] += front[a, q]
+            result[a, FRONT_FACE] += front[a, q]
             result[a, _SIDE[q]] += side[a, q]
             result[a, _TOP[q]] += quadrant_pixels[a, q] - nothing[a, q] - front[a, q] - side[a, q]
     return result

@@ -23,7 +23,7 @@ from .frame_evidence import FrameEvidence
 from .integral_geometry import PairTables, pair_tables
 from .joint_problem import FirstParts, JointProblem, build_joint_problem, gather_parts
 from .labelling import Labelling, LabelSolver
-from .labels import FRONT_WALL, N_FACES, N_LABELS
+from .labels import FRONT_FACE, N_FACES, N_LABELS
 from .layout import RoomCuboid
 from .layout_search import (
     Layout,
@@ -37,10 +37,10 @@ from .plane_costs import PlaneCosts, plane_costs, with_fit
 from .ray_grid import SIDE_FACE
 from .scale_search import PlacedLayout, best_layout
 from .superpixels import Superpixels
+from .wall_naming import NAME_TIE
 from .weights import ModelWeights
 
 _TIE = 1e-12
-_NAME_TIE = 1e-3
 _NEAR_STATES = 2
 
 
@@ -132,7 +132,7 @@ def estimate_joint(
         problem = build_joint_problem(camera, superpixels, evidence, geometry, config, parts=parts, atoms=atoms)
         solver = _Alternation(problem, weights, config, expired, None)
         state = solver.search()
-        if best is None or state.energy < best[1].energy - _NAME_TIE:
+        if best is None or state.energy < best[1].energy - NAME_TIE:
             best = (solver, state)
     if best is None:
         raise AssertionError("no hypothesis was solved")
@@ -164,7 +164,7 @@ def solve_joint(
     extra : ExtraCosts, optional
         Added to the energy (the negative loss, for learning).
     starts : RankedLayout, optional
-        Further layouts to start from (the previous frame's); their energies are not read.
+        Further layouts to start from (the true one, for learning); their energies are not read.
     prove : bool
         False leaves the lower bound at -inf.
     """
@@ -341,6 +341,6 @@ def _face_confidence(
         if seen[face] > 1e-3:
             confidence[face] = near
             borders.append(near)
-    if seen[FRONT_WALL - 1] > 1e-3:
-        confidence[FRONT_WALL - 1] = np.mean(borders) if borders else 0.0
+    if seen[FRONT_FACE] > 1e-3:
+        confidence[FRONT_FACE] = np.mean(borders) if borders else 0.0
     return confidence

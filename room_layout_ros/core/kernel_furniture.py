@@ -20,8 +20,8 @@ from .depth import DepthGeometry
 from .evidence.kernel_descriptors import COLOR, DEPTH, DESCRIPTORS, DescriptorModel, describe_superpixels
 from .evidence.match_kernels import CompactBasis, Floats, MatchKernel
 from .evidence.surrounding_means import REACHES, with_surroundings
-from .furniture import FURNITURE_IDS, group_furniture, paint_furniture
-from .labels import CLUTTER
+from .furniture import group_furniture, paint_furniture
+from .labels import CLUTTER, N_CLUTTER_CLASSES
 from .model_file import WeightsError, read_arrays, write_arrays
 from .models import KERNEL_FURNITURE_FILE, config_folder
 from .superpixels import Superpixels
@@ -30,7 +30,6 @@ SETS = {"color_depth": DESCRIPTORS, "color": COLOR, "depth": DEPTH}
 """Descriptors that each classifier reads, by its name."""
 
 _KIND = "room_layout kernel furniture"
-_CLASSES = len(FURNITURE_IDS) + 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,16 +67,18 @@ class KernelFurnitureModel:
     card: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.prior.shape != (_CLASSES,) or not (self.prior > 0).all():
-            raise ValueError(f"prior of the furniture has shape {self.prior.shape}; ({_CLASSES},) above 0 is needed")
+        if self.prior.shape != (N_CLUTTER_CLASSES,) or not (self.prior > 0).all():
+            raise ValueError(
+                f"prior of the furniture has shape {self.prior.shape}; ({N_CLUTTER_CLASSES},) above 0 is needed"
+            )
         for name, read in SETS.items():
             if name not in self.classifiers:
                 raise ValueError(f"furniture model has no classifier {name!r}")
             one, columns = self.classifiers[name], len(columns_of(self.descriptors, read))
-            if one.weights.shape != (_CLASSES, columns) or one.intercepts.shape != (_CLASSES,):
+            if one.weights.shape != (N_CLUTTER_CLASSES, columns) or one.intercepts.shape != (N_CLUTTER_CLASSES,):
                 raise ValueError(
                     f"classifier {name!r} has weights {one.weights.shape} and intercepts {one.intercepts.shape}; "
-                    f"({_CLASSES}, {columns}) and ({_CLASSES},) are needed"
+                    f"({N_CLUTTER_CLASSES}, {columns}) and ({N_CLUTTER_CLASSES},) are needed"
                 )
 
 

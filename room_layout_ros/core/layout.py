@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from .frame import CameraIntrinsics
-from .labels import FACES, FRONT_WALL, N_FACES
+from .labels import FACES, FRONT_FACE, N_FACES
 
 FACE_AXIS = np.array([1, 1, 0, 2, 0])
 """Room axis (0 X, 1 Y, 2 Z) of each face in the order of `labels.FACES`."""
@@ -17,7 +17,6 @@ FACE_AXIS = np.array([1, 1, 0, 2, 0])
 FACE_SIGN = np.array([-1.0, 1.0, -1.0, 1.0, 1.0])
 """Side of the camera on which each face lies along its axis."""
 
-_FRONT = FACES.index(FRONT_WALL)
 _MIN_POLYGON_DEPTH = 1e-3
 
 
@@ -56,7 +55,7 @@ class RoomCuboid:
 
     def at_unit_scale(self) -> RoomCuboid:
         """Return the room with the front wall at 1; where none is in view the farthest face is there."""
-        front = self.distances[_FRONT]
+        front = self.distances[FRONT_FACE]
         unit = front if np.isfinite(front) else self.distances[np.isfinite(self.distances)].max(initial=0.0)
         return RoomCuboid(self.R_room_camera, self.distances / unit) if unit > 0.0 else self
 

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from .depth_profiles import curve_position, read_curve_at
 from .joint_problem import JointProblem
-from .labels import FRONT_WALL
+from .labels import FRONT_FACE
 from .layout_search import Layout, StateCosts
 from .ray_grid import SIDE_FACE
 from .weights import ModelWeights
 
-_FRONT = FRONT_WALL - 1
 _SIDE_FACE = np.array(SIDE_FACE) - 1
 
 
@@ -100,7 +99,7 @@ def _with_curves(planes: PlaneCosts, curves: NDArray[np.float64], absent: NDArra
 @njit(cache=True, nogil=True)
 def _add_curves(sides, constant, starts, positions, front_positions, curves, absent):  # type: ignore[no-untyped-def]
     for c in range(len(constant)):
-        constant[c] += read_curve_at(curves[_FRONT], absent[_FRONT], front_positions[c])
+        constant[c] += read_curve_at(curves[FRONT_FACE], absent[FRONT_FACE], front_positions[c])
         for side in range(4):
             face = _SIDE_FACE[side]
             for s in range(starts[side], starts[side + 1]):

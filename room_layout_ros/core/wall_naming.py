@@ -9,10 +9,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .labels import FRONT_WALL, LEFT_WALL, N_FACES, RIGHT_WALL
+from .labels import FRONT_FACE, LEFT_FACE, N_FACES, RIGHT_FACE, WALL_FACES
 from .layout import RoomCuboid
 
-_LEFT, _FRONT, _RIGHT = LEFT_WALL - 1, FRONT_WALL - 1, RIGHT_WALL - 1
+NAME_TIE = 1e-3
+"""A naming of the axes wins over an earlier one by more than this (of an energy or a score), so that names do not
+flicker."""
 
 
 def rename_walls(
@@ -29,13 +31,13 @@ def rename_walls(
     if abs(along_x) < np.cos(np.deg2rad(30.0)):
         return turned
     if along_x > 0:
-        turned[..., _FRONT] = probability[..., _RIGHT]
-        turned[..., _LEFT] = probability[..., _FRONT] + probability[..., _LEFT]
-        turned[..., _RIGHT] = 0.0
+        turned[..., FRONT_FACE] = probability[..., RIGHT_FACE]
+        turned[..., LEFT_FACE] = probability[..., FRONT_FACE] + probability[..., LEFT_FACE]
+        turned[..., RIGHT_FACE] = 0.0
     else:
-        turned[..., _FRONT] = probability[..., _LEFT]
-        turned[..., _RIGHT] = probability[..., _FRONT] + probability[..., _RIGHT]
-        turned[..., _LEFT] = 0.0
+        turned[..., FRONT_FACE] = probability[..., LEFT_FACE]
+        turned[..., RIGHT_FACE] = probability[..., FRONT_FACE] + probability[..., RIGHT_FACE]
+        turned[..., LEFT_FACE] = 0.0
     return turned
 
 
@@ -54,15 +56,15 @@ def name_walls(cuboid: RoomCuboid, seen: NDArray[np.bool_]) -> tuple[RoomCuboid,
     origin : (5,) index of each face among the old ones, -1 for a face that is new and absent.
     """
     R, distances = cuboid.R_room_camera, cuboid.distances
-    facing = [abs(R[axis, 2]) if seen[wall] else -1.0 for wall, axis in ((_LEFT, 0), (_FRONT, 2), (_RIGHT, 0))]
+    facing = [abs(R[axis, 2]) if seen[wall] else -1.0 for wall, axis in zip(WALL_FACES, (0, 2, 0), strict=True)]
     best = int(np.argmax(facing))
-    if best == 1 or facing[best] <= facing[1] or (seen[_LEFT] and seen[_RIGHT]):
+    if best == 1 or facing[best] <= facing[1] or (seen[LEFT_FACE] and seen[RIGHT_FACE]):
         return cuboid, np.arange(N_FACES)
     x, y, z = R
     origin = np.array([0, 1, -1, -1, -1])
     if best == 0:
-        axes, origin[_FRONT], origin[_RIGHT] = np.array([z, y, -x]), _LEFT, _FRONT
+        axes, origin[FRONT_FACE], origin[RIGHT_FACE] = np.array([z, y, -x]), LEFT_FACE, FRONT_FACE
     else:
-        axes, origin[_FRONT], origin[_LEFT] = np.array([-z, y, x]), _RIGHT, _FRONT
+        axes, origin[FRONT_FACE], origin[LEFT_FACE] = np.array([-z, y, x]), RIGHT_FACE, FRONT_FACE
     named = np.where(origin >= 0, distances[origin], np.inf)
     return RoomCuboid(axes, named), origin

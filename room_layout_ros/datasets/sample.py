@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from room_layout_ros.core.frame import RgbdFrame
-from room_layout_ros.core.labels import CLUTTER, FURNITURE_NYU40, STRUCTURE_NYU40, UNKNOWN
+from room_layout_ros.core.labels import CLUTTER, FURNITURE_IDS, STRUCTURE_NYU40, UNKNOWN
 from room_layout_ros.core.layout import RoomCuboid
 
 MAX_NYU40 = 40
@@ -79,7 +79,7 @@ class FrameTruth:
         """(H, W) uint8 NYU40 id of the six furniture classes, 0 elsewhere; None without classes."""
         if self.labels40 is None:
             return None
-        return np.where(np.isin(self.labels40, list(FURNITURE_NYU40)), self.labels40, 0).astype(np.uint8)
+        return np.where(np.isin(self.labels40, FURNITURE_IDS), self.labels40, 0).astype(np.uint8)
 
 
 def labels_from_classes(layout: NDArray[np.uint8], labels40: NDArray[np.uint8]) -> NDArray[np.uint8]:

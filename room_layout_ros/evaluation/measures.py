@@ -10,9 +10,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from room_layout_ros.core.labels import FRONT_WALL, LABEL_NAMES, LEFT_WALL, N_LABELS, RIGHT_WALL
+from room_layout_ros.core.labels import LABEL_NAMES, N_LABELS, WALL_IDS
 
-WALLS = (LEFT_WALL, FRONT_WALL, RIGHT_WALL)
 N_IDS = len(LABEL_NAMES)
 
 N = TypeVar("N", np.float64, np.int64)
@@ -48,9 +47,9 @@ def error(counts: Confusion) -> float:
 def wall_permutations() -> list[tuple[int, ...]]:
     """Return the six renamings of the walls as tables new_id = table[id]; the identity comes first."""
     tables = []
-    for names in itertools.permutations(WALLS):
+    for names in itertools.permutations(WALL_IDS):
         table = list(range(N_IDS))
-        for wall, name in zip(WALLS, names, strict=True):
+        for wall, name in zip(WALL_IDS, names, strict=True):
             table[wall] = name
         tables.append(tuple(table))
     return sorted(tables, key=lambda table: sum(a != b for a, b in enumerate(table)))

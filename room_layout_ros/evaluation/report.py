@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from room_layout_ros.core.labels import FURNITURE_NYU40, LABEL_COLORS, LABEL_NAMES
+from room_layout_ros.core.labels import FURNITURE_IDS, FURNITURE_NYU40, LABEL_COLORS, LABEL_NAMES
 
 from . import figures, page, pictures
 from .c_curve import CCurve
@@ -15,7 +15,7 @@ from .calibration import face_reliability, frame_reliability
 from .compare import ComparedFrame
 from .published import PAPER_RGB, PAPER_RGBD, TABLE_2, TABLE_3, TABLE_5
 from .room_scores import RoomScore
-from .scores import FIXED, FURNITURE_IDS, LABELS, Figure, SetScore
+from .scores import FIXED, LABELS, Figure, SetScore
 from .superpixel_table import MEASURES, SETTINGS, TRUTHS, Setting, row_name, superpixel_figures
 from .tables import (
     NAMES_AS_THEY_ARE,

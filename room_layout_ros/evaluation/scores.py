@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from room_layout_ros.core.labels import FURNITURE_NYU40, LABEL_NAMES
+from room_layout_ros.core.labels import FURNITURE_IDS, LABEL_NAMES, N_FURNITURE
 from room_layout_ros.datasets import Sample
 
 from . import calibration, measures
@@ -20,8 +20,6 @@ from .prediction import Prediction
 from .room_scores import RoomScore, score_room
 
 Method = Callable[[Sample], Prediction]
-FURNITURE_IDS = tuple(FURNITURE_NYU40)
-N_FURNITURE = len(FURNITURE_IDS)
 LABELS = LABEL_NAMES[1:]
 BOOTSTRAP_SEED = 2013
 """The same draws of frames for every method and figure."""

@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from room_layout_ros.core.labels import FURNITURE_IDS
+
 from .measures import mean_iou
 from .published import TABLE_2, Published
-from .scores import FIXED, FURNITURE_IDS, LABELS, PER_FRAME, ROOM_FIGURES, Figure, FrameScore, SetScore
+from .scores import FIXED, LABELS, PER_FRAME, ROOM_FIGURES, Figure, FrameScore, SetScore
 
 GROUPS = {"iou": LABELS, f"iou{FIXED}": LABELS, "furniture_iou": tuple(map(str, FURNITURE_IDS))}
 """Figures by class, and the names of the classes in summary.json."""

@@ -14,8 +14,8 @@ from ..core.config import EstimatorConfig
 from ..core.evidence.features import SuperpixelFeatures
 from ..core.evidence.geometric_context import ContextModel, compute_geometric_context, save_context
 from ..core.forest import Forest
-from ..core.furniture import FURNITURE_IDS, FurnitureModel, save_furniture
-from ..core.labels import N_FACES, N_LABELS
+from ..core.furniture import FurnitureModel, save_furniture
+from ..core.labels import FURNITURE_IDS, N_FACES, N_LABELS
 from ..core.layout import RoomCuboid
 from ..datasets.folder import FramesFolder
 from ..datasets.sample import good_samples

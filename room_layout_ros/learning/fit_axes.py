@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .fit_observation import CEILING, CLUTTER, FLOOR, WALL, FitObservation
+from .fit_observation import FitClass, FitObservation
 
 _DOWN = np.array([0.0, 1.0, 0.0])
 _MAX_TILT = np.deg2rad(50.0)
@@ -67,10 +67,10 @@ def _cell_terms(seen: FitObservation) -> tuple[NDArray[np.float64], NDArray[np.f
     """Normals, weights and which of X, Y, Z each may follow: walls X or Z, floor and ceiling Y, clutter any."""
     kind = seen.cell_kind
     allowed = np.ones((len(kind), 3), bool)
-    allowed[kind == WALL, 1] = False
-    flat = (kind == FLOOR) | (kind == CEILING)
+    allowed[kind == FitClass.WALL, 1] = False
+    flat = (kind == FitClass.FLOOR) | (kind == FitClass.CEILING)
     allowed[np.ix_(flat, [0, 2])] = False
-    weights = seen.cell_weight * np.where(kind == CLUTTER, 0.2, 1.0)
+    weights = seen.cell_weight * np.where(kind == FitClass.CLUTTER, 0.2, 1.0)
     return seen.cell_normal, weights, allowed
 
 
@@ -80,11 +80,11 @@ def _verticals(seen: FitObservation) -> list[NDArray[np.float64]]:
     down = np.where(normal[:, 1:2] < 0, -normal, normal)
     near = np.arccos(np.clip(down[:, 1], -1, 1)) < _MAX_TILT
     found = []
-    flat = near & ((kind == FLOOR) | (kind == CEILING))
+    flat = near & ((kind == FitClass.FLOOR) | (kind == FitClass.CEILING))
     if flat.sum() >= 15:
         found.append(_mode(down[flat], seen.cell_weight[flat]))
     if not found or flat.sum() < 60:
-        level = near & (kind == CLUTTER)
+        level = near & (kind == FitClass.CLUTTER)
         if level.sum() >= 15:
             found.append(_mode(down[level], seen.cell_weight[level]))
         found.append(_from_upright(seen, found[0] if found else _DOWN))
@@ -111,7 +111,7 @@ def _mode(directions: NDArray[np.float64], weight: NDArray[np.float64], sigma: f
 def _from_upright(seen: FitObservation, start: NDArray[np.float64]) -> NDArray[np.float64]:
     """Vertical as the direction normal to wall normals and met by upright image lines."""
     v = start
-    walls = seen.cell_kind == WALL
+    walls = seen.cell_kind == FitClass.WALL
     for sigma in (0.3, 0.2, 0.1, 0.1):
         rows = [(seen.cell_normal[walls], seen.cell_weight[walls]), (seen.line_normal, 0.02 * seen.line_length)]
         A = -0.5 * np.outer(start, start)
@@ -128,7 +128,7 @@ def _yaws(seen: FitObservation, down: NDArray[np.float64]) -> list[float]:
     across, ahead = _level_basis(down)
     normal = seen.cell_normal
     level = np.abs(normal @ down) < 0.35
-    trust = np.select([seen.cell_kind == WALL, seen.cell_kind == CLUTTER], [1.0, 0.25], 0.0)
+    trust = np.select([seen.cell_kind == FitClass.WALL, seen.cell_kind == FitClass.CLUTTER], [1.0, 0.25], 0.0)
     strength = seen.cell_weight * trust * level
     direction = np.cross(seen.line_normal, down)  # a line in a level plane has this direction
     length = np.linalg.norm(direction, axis=1)

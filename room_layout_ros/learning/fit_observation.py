@@ -3,20 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core import CameraIntrinsics, RgbdFrame
+from ..core.labels import CEILING_NYU40, FLOOR_NYU40, OPENING_NYU40, WALL_NYU40
 
-UNLABELLED, WALL, FLOOR, CEILING, OPENING, CLUTTER, FITTED = range(7)
-"""Classes of the fit. An opening (window, door, mirror, blinds) is wall through which farther points may be seen.
-Fitted furniture (bookshelf, shelves) is clutter that stands at a wall."""
 
-_NYU40_CLASS = {1: WALL, 11: WALL, 16: WALL, 28: WALL, 30: WALL, 2: FLOOR, 20: FLOOR, 22: CEILING}
-_NYU40_CLASS |= dict.fromkeys((8, 9, 13, 19), OPENING)
-_NYU40_CLASS |= dict.fromkeys((10, 15), FITTED)
+class FitClass(IntEnum):
+    """What a pixel is to the fit; not the label ids of `core.labels`.
+
+    An opening (window, door, mirror, blinds) is wall through which farther points may be seen. Fitted furniture
+    (bookshelf, shelves) is clutter that stands at a wall.
+    """
+
+    UNLABELLED = 0
+    WALL = 1
+    FLOOR = 2
+    CEILING = 3
+    OPENING = 4
+    CLUTTER = 5
+    FITTED = 6
+
+
+_FITTED_NYU40 = (10, 15)
 
 _MIN_LINE_PX = 40.0
 _HALVE = 2
@@ -82,10 +95,16 @@ def observe(frame: RgbdFrame, labels40: NDArray[np.uint8], step_px: int = 4) -> 
 
 def classes(labels40: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the class of the fit for every NYU40 id; 0 stays unlabelled."""
-    table = np.full(256, CLUTTER, np.uint8)
-    table[0] = UNLABELLED
-    for nyu40, kind in _NYU40_CLASS.items():
-        table[nyu40] = kind
+    table = np.full(256, FitClass.CLUTTER, np.uint8)
+    table[0] = FitClass.UNLABELLED
+    for kind, ids in (
+        (FitClass.WALL, WALL_NYU40),
+        (FitClass.FLOOR, FLOOR_NYU40),
+        (FitClass.CEILING, CEILING_NYU40),
+        (FitClass.OPENING, OPENING_NYU40),
+        (FitClass.FITTED, _FITTED_NYU40),
+    ):
+        table[list(ids)] = kind
     return table[labels40]
 
 
@@ -102,7 +121,7 @@ def _cells(
     y = np.broadcast_to((np.arange(height) - height / 2.0)[:, None], w.shape)
     at = (slice(_CELL_STEP_PX // 2, None, _CELL_STEP_PX),) * 2
     results = []
-    for members in ((WALL,), (FLOOR,), (CEILING,), (CLUTTER, FITTED)):
+    for members in ((FitClass.WALL,), (FitClass.FLOOR,), (FitClass.CEILING,), (FitClass.CLUTTER, FitClass.FITTED)):
         mask = np.isin(kind, members) & (w > 0)
         if mask.sum() < 100:
             continue

@@ -14,7 +14,7 @@ from ..core.frame import CameraIntrinsics, RgbdFrame
 from ..core.hypotheses import gather_hypotheses
 from ..core.integral_geometry import pair_tables
 from ..core.joint_problem import JointProblem, build_joint_problem
-from ..core.labels import CLUTTER, FRONT_WALL, N_FACES, N_LABELS
+from ..core.labels import FRONT_WALL, WALL_FACES
 from ..core.layout import RoomCuboid
 from ..core.layout_search import Layout, search_layout
 from ..core.observation import Observation, no_scene, observe
@@ -155,10 +155,7 @@ def _state_truth(
 def _true_scale(problem: JointProblem, cuboid: RoomCuboid, R: NDArray[np.float64]) -> float:
     """The candidate scale nearest to the true distance of the wall that is called front under R."""
     names = translate_faces(cuboid, R)
-    distances = [cuboid.distances[k] for k in range(2, N_FACES) if names[k + 1] == FRONT_WALL]
+    distances = [cuboid.distances[k] for k in WALL_FACES if names[k + 1] == FRONT_WALL]
     known = [d for d in distances if np.isfinite(d)]
     scales = problem.scales
     return float(scales[np.abs(scales - known[0]).argmin()]) if known else float(scales[-1])
-
-
-assert N_LABELS == CLUTTER

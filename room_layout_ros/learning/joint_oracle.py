@@ -12,6 +12,7 @@ from ..core.energies import joint_features
 from ..core.joint import solve_joint
 from ..core.labels import N_LABELS
 from ..core.layout_search import RankedLayout
+from ..core.wall_naming import NAME_TIE
 from ..core.weights import N_FEATURES, SLICES, ModelWeights
 from .joint_examples import JointExample
 from .losses import JointLoss, augmented, joint_loss, label_overlap
@@ -68,7 +69,7 @@ def judge(weights: ModelWeights, example: JointExample, config: EstimatorConfig)
     best, answer = np.inf, Judged(JointLoss(1.0, 1.0), np.zeros((N_LABELS, N_LABELS)))
     for problem, costs in zip(example.problems, example.costs, strict=True):
         found = solve_joint(problem, weights, config, prove=False)
-        if found.energy < best - 1e-3:
+        if found.energy < best - NAME_TIE:
             best = found.energy
             loss = joint_loss(problem, costs, found.layout, found.labels)
             answer = Judged(loss, label_overlap(costs, found.labels))

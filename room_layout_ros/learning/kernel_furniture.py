@@ -15,7 +15,7 @@ from scipy.special import softmax
 from ..core.config import EstimatorConfig
 from ..core.evidence.kernel_descriptors import DESCRIPTORS
 from ..core.evidence.match_kernels import Floats
-from ..core.furniture import FURNITURE_IDS, group_furniture
+from ..core.furniture import group_furniture
 from ..core.kernel_furniture import (
     SETS,
     KernelFurnitureModel,
@@ -23,14 +23,12 @@ from ..core.kernel_furniture import (
     columns_of,
     save_kernel_furniture,
 )
+from ..core.labels import N_CLUTTER_CLASSES, N_FURNITURE
 from ..datasets.folder import FramesFolder
 from ..datasets.sample import good_samples
 from .folds import MARGIN, folds_of, is_near
 from .kernel_rows import FrameRows, WordSettings, collect_rows, learn_words
 from .linear_svm import fit_one_vs_rest
-
-_CLASSES = len(FURNITURE_IDS) + 1
-"""The six classes and "other"."""
 
 Say = Callable[[str], None]
 
@@ -103,7 +101,7 @@ def train_kernel_furniture(
     some = names[:: max(1, len(names) // settings.word_frames)]
     descriptors = learn_words(good_samples(source.subset(some)), settings.words)
     classifiers, tables = dict[str, LinearClassifier](), dict[str, Any]()
-    shares = np.ones(_CLASSES)
+    shares = np.ones(N_CLUTTER_CLASSES)
     for with_depth, sets in ((True, ("color_depth", "depth")), (False, ("color",))):
         say(f"describing them {'with' if with_depth else 'without'} depth")
         config = EstimatorConfig(use_depth=with_depth)
@@ -168,15 +166,15 @@ def _out_of_fold(
 
 def _ious(judged: Sequence[tuple[FrameRows, Floats]], scale: float, other: float) -> NDArray[np.float64]:
     """(6,) IoU in percent of each class after grouping; NaN where it is in no frame."""
-    both, either = np.zeros(_CLASSES), np.zeros(_CLASSES)
+    both, either = np.zeros(N_CLUTTER_CLASSES), np.zeros(N_CLUTTER_CLASSES)
     for frame, scores in judged:
-        raised = np.nan_to_num(scale * scores.astype(np.float64)) + np.append(np.zeros(_CLASSES - 1), other)
+        raised = np.nan_to_num(scale * scores.astype(np.float64)) + np.append(np.zeros(N_FURNITURE), other)
         probability = group_furniture(frame.superpixels, frame.clutter, np.asarray(softmax(raised, axis=1)))
-        chosen = probability.argmax(axis=1)[:, None] == np.arange(_CLASSES)
+        chosen = probability.argmax(axis=1)[:, None] == np.arange(N_CLUTTER_CLASSES)
         both += (frame.counts * chosen).sum(axis=0)
         either += frame.counts.sum(axis=0) + (frame.counts.sum(axis=1)[:, None] * chosen).sum(axis=0)
     either -= both
-    return 100.0 * np.divide(both, either, out=np.full(_CLASSES, np.nan), where=either > 0)[:-1]
+    return 100.0 * np.divide(both, either, out=np.full(N_CLUTTER_CLASSES, np.nan), where=either > 0)[:-1]
 
 
 def fit(rows: Sequence[FrameRows], columns: NDArray[np.intp], choice: Choice, passes: int) -> LinearClassifier:
@@ -199,10 +197,10 @@ def fit(rows: Sequence[FrameRows], columns: NDArray[np.intp], choice: Choice, pa
     mean, spread = features.mean(axis=0, dtype=np.float64), features.std(axis=0, dtype=np.float64)
     spread = np.maximum(spread, 1e-6) * np.sqrt(len(columns) / len(DESCRIPTORS))
     classes, weight = counts.argmax(axis=1), counts.sum(axis=1, dtype=np.float64)
-    total = np.bincount(classes, weight, _CLASSES)
+    total = np.bincount(classes, weight, N_CLUTTER_CLASSES)
     weight *= (weight.sum() / np.maximum(total, 1.0))[classes] ** choice.balance
     even = ((features - mean) / spread).astype(np.float32)
-    weights, intercepts = fit_one_vs_rest(even, classes, _CLASSES, weight / weight.sum(), choice.C, passes)
+    weights, intercepts = fit_one_vs_rest(even, classes, N_CLUTTER_CLASSES, weight / weight.sum(), choice.C, passes)
     scaled = choice.scale * weights / spread
     shifted = choice.scale * intercepts - scaled @ mean
     shifted[-1] += choice.other

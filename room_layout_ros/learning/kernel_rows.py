@@ -14,9 +14,8 @@ from ..core.evidence.color_patches import patch_centers
 from ..core.evidence.kernel_descriptors import DESCRIPTORS, DescriptorModel, describe_patches
 from ..core.evidence.match_kernels import CompactBasis, Floats, compact_basis, standard_kernels
 from ..core.frame import RgbdFrame
-from ..core.furniture import FURNITURE_IDS
 from ..core.kernel_furniture import describe_clutter
-from ..core.labels import STRUCTURE_NYU40
+from ..core.labels import FURNITURE_IDS, STRUCTURE_NYU40
 from ..core.superpixels import Superpixels, compute_superpixels
 from ..datasets.sample import Sample
 from .degradation import degrade_depth

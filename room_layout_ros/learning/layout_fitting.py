@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core import RgbdFrame, RoomCuboid
+from ..core.labels import CEILING_FACE, FLOOR_FACE, FRONT_FACE, LEFT_FACE, RIGHT_FACE
 from ..core.layout import FACE_AXIS, FACE_SIGN
 from .fit_axes import axis_hypotheses, rotation_from_vector
 from .fit_objective import FitCosts, fit_cost
-from .fit_observation import CEILING, CLUTTER, FITTED, FLOOR, OPENING, WALL, FitObservation, observe
+from .fit_observation import FitClass, FitObservation, observe
 
-CEILING_FACE, FLOOR_FACE, LEFT_FACE, FRONT_FACE, RIGHT_FACE = range(5)
-STRUCTURE = (WALL, FLOOR, CEILING, OPENING)
+STRUCTURE = (FitClass.WALL, FitClass.FLOOR, FitClass.CEILING, FitClass.OPENING)
 _MIN_DISTANCE_M = 0.05
 _COARSE = 7
 
@@ -97,15 +97,15 @@ def _candidates(seen: FitObservation, R: NDArray[np.float64]) -> list[list[float
     measured = seen.inverse_depth > 0
     kind = seen.kind[measured]
     points = seen.rays[measured] / seen.inverse_depth[measured][:, None] @ R.T
-    kinds = {CEILING_FACE: (CEILING,), FLOOR_FACE: (FLOOR,)}
+    kinds = {CEILING_FACE: (FitClass.CEILING,), FLOOR_FACE: (FitClass.FLOOR,)}
     result = []
     for face in range(5):
         along = FACE_SIGN[face] * points[:, FACE_AXIS[face]]
-        mine = np.isin(kind, kinds.get(face, (WALL, OPENING)))
+        mine = np.isin(kind, kinds.get(face, (FitClass.WALL, FitClass.OPENING)))
         values = _modes(along[mine], 4)
         if face >= LEFT_FACE or not values:
             if face >= LEFT_FACE:
-                values += _modes(along[kind == FITTED], 2) + _modes(along[kind == CLUTTER], 2)
+                values += _modes(along[kind == FitClass.FITTED], 2) + _modes(along[kind == FitClass.CLUTTER], 2)
             if (along > _MIN_DISTANCE_M).sum() > 50:
                 values += [float(v) for v in np.quantile(along[along > _MIN_DISTANCE_M], (0.98, 0.995))]
         if face == FLOOR_FACE and not mine.sum() > 50:
@@ -191,9 +191,13 @@ def _quality(seen: FitObservation, cuboid: RoomCuboid, tolerance_m: float = 0.12
     face, inverse = value.argmax(axis=1), value.max(axis=1)
     kind = seen.kind
     structural = np.isin(kind, STRUCTURE)
-    same = np.select([kind == FLOOR, kind == CEILING], [face == FLOOR_FACE, face == CEILING_FACE], face >= LEFT_FACE)
+    same = np.select(
+        [kind == FitClass.FLOOR, kind == FitClass.CEILING],
+        [face == FLOOR_FACE, face == CEILING_FACE],
+        face >= LEFT_FACE,
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         offset = cuboid.distances[face] * (inverse / seen.inverse_depth - 1.0)
         on_plane = np.abs(offset) < tolerance_m + 0.03 / seen.inverse_depth
-    on_plane |= (kind == OPENING) & (offset > 0)
+    on_plane |= (kind == FitClass.OPENING) & (offset > 0)
     return float((same & on_plane)[structural].mean())

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.labels import CEILING, FLOOR
+from ..core.labels import CEILING, CEILING_NYU40, FLOOR, FLOOR_NYU40
 from ..core.layout import RoomCuboid
 from ..datasets.sample import Sample, labels_from_classes
 from .folds import SYNTHETIC_FIRST, frame_number
@@ -19,8 +19,6 @@ WIDTH, HEIGHT = 320, 240
 
 SOME_WALL = 7
 """Label of wall, door, window... in a frame whose room is not known: one of the three walls."""
-
-_FLOOR_NYU40, _CEILING_NYU40 = (2, 20), 22
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +97,6 @@ def _labels(layout: NDArray[np.uint8], classes: NDArray[np.uint8], known: bool) 
     faces = layout
     if not known:
         faces = np.full_like(classes, SOME_WALL)
-        faces[np.isin(classes, _FLOOR_NYU40)] = FLOOR
-        faces[classes == _CEILING_NYU40] = CEILING
+        faces[np.isin(classes, FLOOR_NYU40)] = FLOOR
+        faces[np.isin(classes, CEILING_NYU40)] = CEILING
     return labels_from_classes(faces, classes)

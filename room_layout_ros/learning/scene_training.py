@@ -14,13 +14,11 @@ from numpy.typing import NDArray
 from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
-from ..core.labels import LEFT_WALL, N_FACES, N_LABELS, RIGHT_WALL
+from ..core.labels import LEFT_FACE, N_FACES, N_LABELS, RIGHT_FACE
 from ..core.network.scene_layers import N_CLASSES
 from .scene_augmentation import Augmentation, SceneBatch, make_batch
 from .scene_examples import SOME_WALL, SceneExamples
 from .scene_model import SceneModel, load_backbone
-
-_WALLS = slice(LEFT_WALL - 1, RIGHT_WALL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +175,7 @@ def _label_loss(scores: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     log_probability = functional.log_softmax(scores, dim=1)
     named = (truth > 0) & (truth != SOME_WALL)
     own = log_probability.gather(1, torch.where(named, truth - 1, 0)[:, None])[:, 0]
-    wall = torch.logsumexp(log_probability[:, _WALLS], dim=1)
+    wall = torch.logsumexp(log_probability[:, LEFT_FACE : RIGHT_FACE + 1], dim=1)
     right = torch.where(named, own, torch.where(truth == SOME_WALL, wall, 0.0))
     return -right.sum() / (truth > 0).sum().clamp(min=1)
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.labels import CLUTTER, N_FACES, N_LABELS, STRUCTURE_NYU40
+from ..core.labels import N_LABELS, WALL_FACES
 from ..core.layout import FACE_AXIS, FACE_SIGN, RoomCuboid
-
-_WALLS = (2, 3, 4)
+from ..datasets.sample import labels_from_classes
 
 
 def label_histogram(index: NDArray[np.int32], count: int, labels: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -48,22 +47,14 @@ def translate_faces(cuboid: RoomCuboid, R_room_camera: NDArray[np.float64]) -> N
     """
     table = np.arange(N_LABELS + 1, dtype=np.uint8)
     outward = FACE_SIGN[:, None] * R_room_camera[FACE_AXIS]
-    for k in _WALLS:
+    for k in WALL_FACES:
         true = FACE_SIGN[k] * cuboid.R_room_camera[FACE_AXIS[k]]
-        table[k + 1] = _WALLS[int(np.argmax(outward[list(_WALLS)] @ true))] + 1
+        table[k + 1] = WALL_FACES[int(np.argmax(outward[list(WALL_FACES)] @ true))] + 1
     return table
 
 
 def true_labels(
     cuboid: RoomCuboid, layout: NDArray[np.uint8], labels40: NDArray[np.uint8], R_room_camera: NDArray[np.float64]
 ) -> NDArray[np.uint8]:
-    """(H, W) uint8 labels of a frame with a known room, walls named in the axes `R_room_camera`.
-
-    The layout's face where the class is structural, clutter elsewhere, 0 where unlabelled (method.md section 1).
-    """
-    structure = np.zeros(256, bool)
-    structure[list(STRUCTURE_NYU40)] = True
-    labels = np.where(structure[labels40], translate_faces(cuboid, R_room_camera)[layout], np.uint8(CLUTTER))
-    labels[labels40 == 0] = 0
-    assert N_FACES < CLUTTER
-    return labels.astype(np.uint8)
+    """(H, W) uint8 labels of a frame with a known room, walls named in the axes `R_room_camera`."""
+    return labels_from_classes(translate_faces(cuboid, R_room_camera)[layout], labels40)

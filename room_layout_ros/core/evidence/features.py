@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..depth import depth_sigma
 from ..frame import CameraIntrinsics
-from ..labels import FURNITURE_NYU40
+from ..labels import FURNITURE_IDS
 from ..lines import LineSegments
 from ..network.scene_network import SuperpixelScene
 from ..superpixels import Superpixels
@@ -174,7 +174,7 @@ def _lines(
 
 def _scene(scene: SuperpixelScene) -> Columns:
     """Log probabilities by the scene network: labels, the face behind, the furniture classes."""
-    furniture = list(FURNITURE_NYU40)
+    furniture = list(FURNITURE_IDS)
     groups = {"label": scene.labels, "behind": scene.layout, "class": scene.classes[:, furniture]}
     names = {"label": range(1, 7), "behind": range(1, 6), "class": furniture}
     return {

@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..frame import CameraIntrinsics
+from ..labels import WALL_FACES
 from ..layout import FACE_AXIS, FACE_SIGN, RoomCuboid
-
-WALLS = (2, 3, 4)
-"""Faces (index in `labels.FACES`) that stand upright: left, front, right."""
 
 _VERTICAL = 0.98
 
@@ -53,7 +51,7 @@ def view_fan(camera: CameraIntrinsics, T_camera_floor: NDArray[np.float64]) -> t
 def walls_on_floor(cuboid: RoomCuboid | None, T_camera_floor: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (n, 4) float64 a, b, c and face index of the walls in view: inside is a x + b y <= c (unit (a, b))."""
     rows = []
-    for k in WALLS:
+    for k in WALL_FACES:
         if cuboid is None or not np.isfinite(cuboid.distances[k]):
             continue
         outward = FACE_SIGN[k] * cuboid.R_room_camera[FACE_AXIS[k]]
