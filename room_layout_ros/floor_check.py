@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 from .core.config import EstimatorConfig
 from .core.depth import DepthGeometry
 from .core.floor.floor_plane import FloorPlane
-from .core.floor.floor_support import lies_on
+from .core.floor.floor_support import LEAST_PIXELS, STRIDE, labelled_points, lies_on
 from .core.labels import FLOOR
 
-_LEAST_PIXELS = 500
-_STRIDE = 4
 _NEAR_M, _NEAR_RAD = 0.15, np.deg2rad(6.0)
 """What is measured farther from the given floor than this, and than this angle, is another (`floor_plane.py`)."""
 _BELOW_SHARE = 0.05
@@ -70,7 +68,7 @@ class FloorCheck:
         expected = (floor_m > 0.0) & (floor_m < _REACH_M)
         on_floor = np.count_nonzero(lies_on(height_m[expected], depth_m[expected]))
         number = np.count_nonzero(expected)
-        much = number * _STRIDE**2 >= _EXPECTED_SHARE * self._labels.size
+        much = number * STRIDE**2 >= _EXPECTED_SHARE * self._labels.size
         return bool(much and on_floor < _ON_FLOOR_SHARE * number)
 
     @property
@@ -79,7 +77,7 @@ class FloorCheck:
         if self._floor is None:
             return False
         points = self._labelled
-        if len(points) * _STRIDE**2 < _LEAST_PIXELS:
+        if len(points) * STRIDE**2 < LEAST_PIXELS:
             return False
         along = points @ self._floor.normal
         height_m = float(np.median(along))
@@ -88,16 +86,14 @@ class FloorCheck:
 
     @cached_property
     def _labelled(self) -> NDArray[np.float64]:
-        """(n, 3) measured points of a grid of the pixels that are labelled floor."""
-        points = self._geometry.points(_STRIDE)[self._labels[::_STRIDE, ::_STRIDE] == FLOOR].astype(np.float64)
-        return points[np.isfinite(points[:, 2])]
+        return labelled_points(self._geometry, self._labels, FLOOR)
 
     @property
     def _is_elsewhere(self) -> bool:
         """Whether floor is labelled, and most of it does not lie on the given one."""
         points = self._labelled
-        least = max(self._config.floor_min_share * self._labels.size, _LEAST_PIXELS)
-        if self._floor is None or len(points) * _STRIDE**2 < least:
+        least = max(self._config.floor_min_share * self._labels.size, LEAST_PIXELS)
+        if self._floor is None or len(points) * STRIDE**2 < least:
             return False
         on = lies_on(self._floor.distance_m - points @ self._floor.normal, points[:, 2])
         return bool(np.count_nonzero(on) < _ON_FLOOR_SHARE * len(points))
@@ -109,7 +105,7 @@ class FloorCheck:
             return False
         height_m, depth_m, _ = self._over_floor
         below = np.count_nonzero(height_m < -(_NEAR_M + np.tan(_NEAR_RAD) * depth_m))
-        return bool(below * _STRIDE**2 >= _LEAST_PIXELS and below >= _BELOW_SHARE * len(height_m))
+        return bool(below * STRIDE**2 >= LEAST_PIXELS and below >= _BELOW_SHARE * len(height_m))
 
     @cached_property
     def _over_floor(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
@@ -119,7 +115,7 @@ class FloorCheck:
         """
         if self._floor is None or not np.isfinite(self._floor.distance_m):
             return None
-        points = self._geometry.points(_STRIDE).reshape(-1, 3).astype(np.float64)
+        points = self._geometry.points(STRIDE).reshape(-1, 3).astype(np.float64)
         points = points[np.isfinite(points[:, 2])]
         along, depth_m = points @ self._floor.normal, points[:, 2]
         with np.errstate(divide="ignore"):

@@ -22,8 +22,8 @@ _LAYER_M, _FARTHEST_M = 0.05, 2.0
 _LAYERS = int(2 * _FARTHEST_M / _LAYER_M)
 
 _LOWER_FROM_M, _LOWER_SHARE, _LEVEL_SHARE = 0.25, 0.003, 0.4
-"""A layer so far below the plane, in the lowest sixth and of the first share of the picture, is the floor. It is level if
-it holds the second share of all that lies so far below: a wall that is mirrored in a glossy floor spreads over many."""
+"""A layer so far below the plane, in the lowest sixth and of the first share of the picture, is the floor; if it holds
+the second share of all that lies so far below: a wall that is mirrored in a glossy floor spreads over many."""
 
 _UPPER_FROM_M, _UPPER_SHARE = 0.10, 0.6
 """Two layers that begin so far above it, or farther, and fill this share of the last rows may be it."""

@@ -11,9 +11,12 @@ from ..labels import CLUTTER, FLOOR
 _ON_M, _ON_RAD = 0.05, np.deg2rad(1.5)
 """What is measured no farther than this from a plane, and than this angle seen from the camera, lies on it."""
 
-_LEAST_ON_PLANE, _FEW_PIXELS, _LABEL_STRIDE = 0.25, 500, 4
+LEAST_PIXELS, STRIDE = 500, 4
+"""Fewer pixels tell nothing; one in so many rows and columns is looked at."""
+
+_LEAST_ON_PLANE = 0.25
 """Of what is labelled floor so much, at least, lies on a plane that is the floor (with steps it may be little); of one
-through things next to nothing does. Fewer pixels of it tell nothing; one in so many rows and columns is looked at."""
+through things next to nothing does."""
 
 _HALF_WIDTH_M, _PEAK_WIDTHS, _PEAK_SHARE, _LEAST_PEAK = 0.03, 4.0, 0.75, 0.05
 """What lies on a plane is as thin as its noise; what crosses it is spread. So of what is within so many half widths of
@@ -32,14 +35,19 @@ def holds_floor(
     normal : (3,) float64 unit vector down, camera frame. distance_m : height of the camera over the plane.
     labels : (H, W) uint8 of the estimate.
     """
-    seen, label = geometry.points(_LABEL_STRIDE), labels[::_LABEL_STRIDE, ::_LABEL_STRIDE]
-    some = np.isfinite(seen[..., 2]) & ((label == FLOOR) | (label == CLUTTER))
-    points, floor = seen[some].astype(np.float64), label[some] == FLOOR
-    off_m, depth_m = distance_m - points @ normal, points[:, 2]
-    if np.count_nonzero(floor) * _LABEL_STRIDE**2 < _FEW_PIXELS:
+    floor = labelled_points(geometry, labels, FLOOR)
+    if len(floor) * STRIDE**2 < LEAST_PIXELS:
         return True
-    on_plane = np.mean(lies_on(off_m[floor], depth_m[floor]))
-    return bool(on_plane >= _LEAST_ON_PLANE or _is_peak(np.abs(off_m), depth_m, distance_m, label.size))
+    if np.mean(lies_on(distance_m - floor @ normal, floor[:, 2])) >= _LEAST_ON_PLANE:
+        return True
+    both = np.concatenate([floor, labelled_points(geometry, labels, CLUTTER)])
+    return _is_peak(np.abs(distance_m - both @ normal), both[:, 2], distance_m, labels.size // STRIDE**2)
+
+
+def labelled_points(geometry: DepthGeometry, labels: NDArray[np.uint8], label: int) -> NDArray[np.float64]:
+    """Return (n, 3) measured points of one label, camera frame, m: of one in `STRIDE` rows and columns."""
+    points = geometry.points(STRIDE)[labels[::STRIDE, ::STRIDE] == label].astype(np.float64)
+    return points[np.isfinite(points[:, 2])]
 
 
 def _is_peak(off_m: NDArray[np.float64], depth_m: NDArray[np.float64], camera_height_m: float, pixels: int) -> bool:

@@ -45,8 +45,7 @@ _MEASURED = 0.7
 """Share of the floor that has to be seen that has to be measured too; the rest may be without depth."""
 
 _BRIDGE_CELLS = 2
-"""Holes of the depth are floor by the picture (free with `free_by_picture`) up to this far from floor that was measured.
-"""
+"""Holes of the depth are floor by the picture (free with `free_by_picture`) so far from floor that was measured."""
 
 _RANGE_BAND_M = 0.5
 _MIN_BAND_CELLS = 10
