@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from benchmarks._frames import DATA
-from room_layout_ros.commands.evaluate import subset_names
+from room_layout_ros.commands.frame_choice import subset_names
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.labels import FURNITURE_NYU40

@@ -20,7 +20,7 @@ from browser import BROWSER, Browser
 
 from room_layout_ros.cli import main as room_layout
 from room_layout_ros.commands.evaluate import BASELINES
-from room_layout_ros.commands.evaluate_input import choose_frames
+from room_layout_ros.commands.frame_choice import choose_frames
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.datasets import DataError, FramesFolder, FrameTruth, Sample, open_folder

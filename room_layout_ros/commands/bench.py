@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 
 from room_layout_ros.commands.counts import count
-from room_layout_ros.commands.estimate_frame import parse_settings, prepared
+from room_layout_ros.commands.estimator_options import add_estimator_options, parse_settings, prepared
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics, refuse_bag_options
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.datasets import DataError, FrameSource, good_samples
@@ -30,10 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--frames", type=count, default=20, metavar="N", help="the first N frames (default %(default)s)"
     )
-    parser.add_argument("--rgb-only", action="store_true", help="leave the depth unused")
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="set a parameter of the estimator (repeatable)"
-    )
+    add_estimator_options(parser)
     add_topic_arguments(parser)
 
 

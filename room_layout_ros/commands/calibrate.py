@@ -15,11 +15,10 @@ from pathlib import Path
 import cv2
 
 from room_layout_ros.commands.counts import add_jobs_argument, count
-from room_layout_ros.commands.evaluate import subset_names
+from room_layout_ros.commands.frame_choice import add_hold_out_argument, open_frames_folder, subset_names
 from room_layout_ros.commands.models_folder import add_models_argument, usable_models
 from room_layout_ros.commands.output_folder import make_folder, named_when_full
 from room_layout_ros.commands.progress import progress_bar
-from room_layout_ros.commands.topics import open_and_tell
 from room_layout_ros.core.confidence import save_confidence
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
@@ -27,7 +26,7 @@ from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.labels import N_FACES
 from room_layout_ros.core.models import model_file
 from room_layout_ros.core.network.scene_network import SceneScores
-from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, Sample
+from room_layout_ros.datasets import BadFrame, DataError, Sample
 from room_layout_ros.datasets.images import read_index
 from room_layout_ros.evaluation.confidence_fit import LEAST_FRAMES, JudgedSigns, fit_confidence, judge_signs
 from room_layout_ros.learning.origin import origin
@@ -46,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rgb-only", action="store_true", help="for operation without depth")
     parser.add_argument("--scene", type=Path, metavar="DIR", help="output of room-layout scene: honest networks")
     parser.add_argument("--plain", action="store_true", help="for operation without the scene network")
-    parser.add_argument("--hold-out", metavar="SUBSET", help="list of splits.json, file or names never to use")
+    add_hold_out_argument(parser)
     parser.add_argument("--frames", type=count, metavar="N", help="use at most so many frames, evenly spread")
     add_models_argument(parser)
     add_jobs_argument(parser)
@@ -54,12 +53,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Estimate, compare, fit, write."""
-    source = open_and_tell(arguments.input)
-    if not isinstance(source, FramesFolder):
-        raise DataError(f"{arguments.input} is no frames folder; calibrate needs one")
+    source = open_frames_folder(arguments.input, "calibrate needs one")
     if arguments.plain and arguments.scene is not None:
         raise DataError(f"--scene {arguments.scene} and --plain exclude each other: one is with networks, one without")
-    held_out = subset_names(source, arguments.hold_out, "--hold-out")
+    held_out = subset_names(source, arguments.hold_out)
     fitted = [n for n in source.names if _layout_file(arguments.fits, n).is_file()]
     names = _annotated(arguments.fits, choose_names(fitted, held_out, arguments.frames))
     if len(names) < LEAST_FRAMES:

@@ -29,13 +29,8 @@ from room_layout_ros.commands.compiling import told_first
 from room_layout_ros.commands.counts import add_work_arguments, count
 from room_layout_ros.commands.depth_doubts import DepthDoubts
 from room_layout_ros.commands.earlier_estimates import LINES, SUFFIXES, earlier_files, replace_earlier, until_usable
-from room_layout_ros.commands.estimate_frame import (
-    FrameJob,
-    FrameResult,
-    estimate_item,
-    lost_result,
-    parse_settings,
-)
+from room_layout_ros.commands.estimate_frame import FrameJob, FrameResult, estimate_item, lost_result
+from room_layout_ros.commands.estimator_options import add_estimator_options, parse_settings
 from room_layout_ros.commands.interrupts import interrupts_between_items
 from room_layout_ros.commands.models_folder import add_models_argument, usable_models
 from room_layout_ros.commands.output_folder import held_alone, refuse_frames
@@ -58,12 +53,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="folder for the results, made if missing; an earlier estimate there is replaced",
     )
     parser.add_argument("--limit", type=count, metavar="N", help="no more than the first N frames")
-    parser.add_argument("--rgb-only", action="store_true", help="leave the depth unused")
+    add_estimator_options(parser)
     parser.add_argument("--overlay", action="store_true", help="write overlay pictures too")
     add_work_arguments(parser)
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="set a parameter of the estimator (repeatable)"
-    )
     add_models_argument(parser)
     add_recover_argument(parser)
     add_topic_arguments(parser)

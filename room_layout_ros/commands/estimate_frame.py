@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from room_layout_ros.commands.depth_doubts import DepthSeen, see_depth
-from room_layout_ros.core.config import EstimatorConfig, Value, nearest_name, parameters
+from room_layout_ros.commands.estimator_options import prepared
+from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
@@ -23,7 +24,6 @@ from room_layout_ros.core.labels import FACES, LABEL_NAMES
 from room_layout_ros.core.layout import FacePolygon
 from room_layout_ros.datasets import BadFrame, DataError, Sample
 from room_layout_ros.datasets.images import encode_image
-from room_layout_ros.node_config import NodeConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,73 +43,6 @@ class FrameResult:
     line: Mapping[str, Any]
     files: Mapping[str, bytes] = field(default_factory=dict)
     depth: DepthSeen | None = None
-
-
-def parse_settings(settings: Sequence[str], rgb_only: bool = False, **defaults: Value) -> EstimatorConfig:
-    """Return the configuration with NAME=VALUE words applied.
-
-    Parameters
-    ----------
-    settings : words of the command line.
-    rgb_only : the option that leaves the depth unused is given.
-    **defaults
-        Settings that the command has otherwise than the table; the words come before them.
-
-    Raises
-    ------
-    DataError
-        When a name is unknown, a value not allowed, or neither colour nor depth is used.
-    """
-    table = {parameter.name: parameter for parameter in parameters()}
-    values: dict[str, Any] = dict(defaults)
-    for setting in settings:
-        name, equals, text = setting.partition("=")
-        if not equals:
-            raise DataError(f"--set {setting}: NAME=VALUE with a parameter of the estimator is needed")
-        if name not in table:
-            if name in {parameter.name for parameter in parameters(NodeConfig)}:
-                raise DataError(f"--set {setting}: {name} is a parameter of the node, not of the estimator")
-            hint = nearest_name(name, table, "docs/parameters.md has all of them")
-            raise DataError(f"--set {setting}: the estimator has no parameter {name}; {hint}")
-        try:
-            values[name] = table[name].check(_value(text, type(table[name].default)))
-        except ValueError as error:
-            raise DataError(f"--set {setting}: {error}") from None
-    try:
-        config = EstimatorConfig(**values)
-    except ValueError as error:
-        raise DataError(f"--set: {error}") from None
-    if not config.use_color and (rgb_only or not config.use_depth):
-        both = "--rgb-only leaves the depth unused, and use_color is false"
-        both = both if config.use_depth else "use_color and use_depth are both false"
-        raise DataError(f"{both}; the estimator needs at least one of the two streams")
-    return config
-
-
-def _value(text: str, kind: type) -> object:
-    if kind is bool:
-        if text not in ("true", "false"):
-            raise ValueError(f"{text!r} is not true or false")
-        return text == "true"
-    try:
-        return kind(text)
-    except ValueError:
-        raise ValueError(f"{text!r} is no {kind.__name__}") from None
-
-
-def prepared(frame: RgbdFrame, rgb_only: bool) -> RgbdFrame:
-    """Return the frame as every command estimates it: as it is, or with --rgb-only without its depth.
-
-    Raises
-    ------
-    DataError
-        When it has no colour and shall be without its depth.
-    """
-    if not rgb_only:
-        return frame
-    if frame.color is None:
-        raise DataError(f"frame {frame.name} has no colour, and --rgb-only leaves the depth unused")
-    return frame.without_depth()
 
 
 def estimate_item(job: FrameJob, item: Sample | BadFrame) -> FrameResult:

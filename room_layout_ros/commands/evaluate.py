@@ -23,14 +23,14 @@ from pathlib import Path
 from room_layout_ros.commands.compiling import told_first
 from room_layout_ros.commands.counts import add_work_arguments
 from room_layout_ros.commands.depth_doubts import DepthDoubts
-from room_layout_ros.commands.estimate_frame import parse_settings
-from room_layout_ros.commands.evaluate_input import add_input_arguments, choose_frames, open_input
+from room_layout_ros.commands.estimator_options import add_estimator_options, no_color, parse_settings
+from room_layout_ros.commands.evaluate_input import add_input_arguments, open_input
 from room_layout_ros.commands.models_folder import add_models_argument, usable_models
 from room_layout_ros.commands.output_folder import held_alone, remove_files
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.core.config import SIMPLE, EstimatorConfig
 from room_layout_ros.core.models import config_folder
-from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, FrameSource, Sample
+from room_layout_ros.datasets import BadFrame, DataError, FrameSource, Sample
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.evaluation import baselines, tables
 from room_layout_ros.evaluation.c_curve import C_CURVE_FILE, CCurve, read_c_curve
@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for summary.json, frames.csv, report.html, made if missing"
     )
-    parser.add_argument("--rgb-only", action="store_true", help="our estimator without depth only")
+    add_estimator_options(parser, rgb_only="our estimator without depth only")
     parser.add_argument("--estimates", type=Path, metavar="DIR", help="score this output of `room-layout estimate`")
     parser.add_argument(
         "--baseline",
@@ -74,9 +74,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_models_argument(parser)
     parser.add_argument("--no-report", action="store_true", help="leave report.html out (it needs the extra viz)")
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="set a parameter of the estimator (repeatable)"
-    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -132,12 +129,6 @@ def _tell_classes(frames: list[ComparedFrame]) -> None:
         )
 
 
-def subset_names(source: FrameSource, subset: str | None, option: str) -> tuple[str, ...]:
-    """Return the names of a subset of a frames folder that an option names as --frames does; none without one."""
-    chosen = None if subset is None else choose_frames(source, subset, option=option)
-    return chosen.names if isinstance(chosen, FramesFolder) else ()
-
-
 def _wants_report(arguments: argparse.Namespace) -> bool:
     return arguments.out is not None and not arguments.no_report
 
@@ -188,7 +179,7 @@ def _ours(arguments: argparse.Namespace, source: FrameSource, has_depth: bool, h
     """
     config = parse_settings(arguments.set, arguments.rgb_only)
     if arguments.rgb_only and not has_color:
-        raise DataError(f"{source.title} has no colour, and --rgb-only leaves the depth unused")
+        raise no_color(source.title)
     models = usable_models(arguments.models, config, also_rgb=config.use_color and has_color)
     methods: dict[str, Method] = {}
     if not arguments.rgb_only and has_depth:

@@ -14,11 +14,9 @@ import sys
 from pathlib import Path
 
 from room_layout_ros.commands.counts import count, whole
-from room_layout_ros.commands.evaluate import subset_names
+from room_layout_ros.commands.frame_choice import add_hold_out_argument, open_frames_folder, subset_names
 from room_layout_ros.commands.output_folder import make_folder
-from room_layout_ros.commands.topics import open_and_tell
 from room_layout_ros.core.models import KERNEL_FURNITURE_FILE
-from room_layout_ros.datasets import DataError, FramesFolder
 from room_layout_ros.learning.kernel_furniture import KernelSettings, train_kernel_furniture
 from room_layout_ros.learning.origin import origin
 
@@ -28,17 +26,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add, usual = parser.add_argument, KernelSettings()
     add("input", type=Path, metavar="FOLDER", help="frames folder with rgb/, depth/ and labels40/")
     add("--out", type=Path, required=True, metavar="DIR", help=f"folder for {KERNEL_FURNITURE_FILE}, made if missing")
-    add("--hold-out", metavar="SUBSET", help="list of splits.json, file or names of frames never to learn from")
+    add_hold_out_argument(parser)
     add("--words", type=count, default=usual.words.words, metavar="N", help="of each descriptor (default %(default)s)")
     add("--folds", type=whole(2), default=usual.folds, metavar="K", help="of cross-validation (default %(default)s)")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Train and write the model."""
-    source = open_and_tell(arguments.input)
-    if not isinstance(source, FramesFolder):
-        raise DataError(f"{source.title} is no frames folder; training needs one with labels40/")
-    held_out = subset_names(source, arguments.hold_out, "--hold-out")
+    source = open_frames_folder(arguments.input, "training needs one with labels40/")
+    held_out = subset_names(source, arguments.hold_out)
     make_folder("--out", arguments.out)
     words = dataclasses.replace(KernelSettings().words, words=arguments.words)
     settings = dataclasses.replace(KernelSettings(), words=words, folds=arguments.folds)

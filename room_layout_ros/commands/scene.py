@@ -24,12 +24,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from room_layout_ros.commands.counts import count, whole
-from room_layout_ros.commands.evaluate import subset_names
+from room_layout_ros.commands.frame_choice import add_hold_out_argument, open_frames_folder, subset_names
 from room_layout_ros.commands.output_folder import make_folder
-from room_layout_ros.commands.topics import open_and_tell
 from room_layout_ros.core.models import SCENE_FILE
 from room_layout_ros.core.network.scene_network import SceneNetwork, load_network, save_network
-from room_layout_ros.datasets import DataError, FramesFolder, good_samples
+from room_layout_ros.datasets import DataError, good_samples
 from room_layout_ros.extras import install_hint
 from room_layout_ros.learning.fingerprint import fingerprint
 from room_layout_ros.learning.fit_frame import read_fits
@@ -56,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("input", type=Path, metavar="FOLDER", help="frames folder with rgb/ and labels40/")
     add("--fits", type=Path, required=True, metavar="DIR", help="output of room-layout fit")
     add("--out", type=Path, required=True, metavar="DIR", help="folder for the networks, made if missing")
-    add("--hold-out", metavar="SUBSET", help="list of splits.json, file or names of frames never to learn from")
+    add_hold_out_argument(parser)
     add("--backbone", type=Path, metavar="FILE", help="weights of EfficientNet-Lite0 (default: installed ones)")
     add(
         "--folds",
@@ -92,12 +91,10 @@ def run(arguments: argparse.Namespace) -> int:
         raise DataError(f"training the scene network needs PyTorch: {install_hint('network')}") from None
     if arguments.backbone is None and importlib.util.find_spec(_BACKBONE) is None:
         raise DataError(f"the weights to start from are not installed: {install_hint('network')}, or give --backbone")
-    source = open_and_tell(arguments.input)
-    if not isinstance(source, FramesFolder):
-        raise DataError(f"{source.title} is no frames folder; the scene network needs one with labels40/")
+    source = open_frames_folder(arguments.input, "the scene network needs one with labels40/")
     if arguments.folds:
         refuse_names(source.names)
-    names = choose_names(source.names, subset_names(source, arguments.hold_out, "--hold-out"), None)
+    names = choose_names(source.names, subset_names(source, arguments.hold_out), None)
     real = collect_examples(good_samples(source.subset(tuple(names))), read_fits(arguments.fits))
     synthetic = None
     if arguments.synthetic:

@@ -25,10 +25,9 @@ from typing import Any
 import numpy as np
 
 from room_layout_ros.commands.counts import add_work_arguments, count, whole
-from room_layout_ros.commands.evaluate import subset_names
+from room_layout_ros.commands.frame_choice import add_hold_out_argument, open_frames_folder, subset_names
 from room_layout_ros.commands.output_folder import held_alone
 from room_layout_ros.commands.progress import progress_bar
-from room_layout_ros.commands.topics import open_and_tell
 from room_layout_ros.core.config import JOINT_VARIANTS, EstimatorConfig
 from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.core.models import looks_at_scene, model_file
@@ -74,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="hand",
         help="centre of the regulariser: weights set by hand, or 0 as in the paper (default %(default)s)",
     )
-    add("--hold-out", metavar="SUBSET", help="list of splits.json, file or names of frames never to learn from")
+    add_hold_out_argument(parser)
     add("--frames", type=count, metavar="N", help="learn from at most so many frames, evenly spread")
     add("--c", type=float, default=200.0, metavar="C", help="weight of the slack (default %(default)s)")
     add("--epsilon", type=float, default=0.01, help="end when no constraint is violated by more (default %(default)s)")
@@ -140,10 +139,8 @@ def run(arguments: argparse.Namespace) -> int:
             f"--variant {arguments.variant} asks no network, and --scene {arguments.scene} is given; drop one"
         )
     svm = SvmConfig(arguments.c, arguments.epsilon, arguments.rounds)
-    source = open_and_tell(arguments.input)
-    if not isinstance(source, FramesFolder):
-        raise DataError(f"{source.title} is no frames folder; training needs one with labels40/")
-    held_out = subset_names(source, arguments.hold_out, "--hold-out")
+    source = open_frames_folder(arguments.input, "training needs one with labels40/")
+    held_out = subset_names(source, arguments.hold_out)
     context = _settings(arguments)
     config = train.TrainConfig(svm=svm, folds=arguments.folds, algorithm=arguments.algorithm, context=context)
     networks = None if arguments.scene is None else read_folds(arguments.scene.absolute())

@@ -14,7 +14,7 @@ from pathlib import Path
 from room_layout_ros.commands.compiling import tell_if_compiling, told_first
 from room_layout_ros.commands.counts import count
 from room_layout_ros.commands.depth_doubts import DepthDoubts, see_depth
-from room_layout_ros.commands.estimate_frame import parse_settings, prepared
+from room_layout_ros.commands.estimator_options import add_estimator_options, parse_settings, prepared
 from room_layout_ros.commands.output_folder import make_folder
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
@@ -38,14 +38,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PNG",
         help="picture to write in a folder made if missing (default: view-NAME[-STAGE].png)",
     )
-    parser.add_argument("--rgb-only", action="store_true", help="leave the depth unused")
+    add_estimator_options(parser)
     parser.add_argument("--interactive", action="store_true", help="open the Rerun viewer (extra viz)")
     parser.add_argument("--rrd", type=Path, metavar="FILE", help="write a recording for the Rerun viewer")
     parser.add_argument(
         "--limit", type=count, default=300, metavar="N", help="most frames for the viewer (default %(default)s)"
-    )
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="set a parameter of the estimator (repeatable)"
     )
     add_topic_arguments(parser)
 
