@@ -171,7 +171,7 @@ ARGUMENTS = {
         "false: depth in its own view, registered here (docs/cameras.md); wins over params_file",
     ),
     "color_transport": ("", "raw or compressed (default: as params_file says)"),
-    "depth_transport": ("", "raw or compressedDepth (default: as params_file says)"),
+    "depth_transport": ("", "raw, compressedDepth or compressed (default: as params_file says)"),
     "imu": ("", "topic of the IMU for pose_source imu, where it is not the driver's usual one"),
     "floor_frame": ("", "name of the frame on the floor (default: as params_file says)"),
     "use_sim_time": ("false", "time from /clock"),

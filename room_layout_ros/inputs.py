@@ -34,7 +34,7 @@ INPUT_TOPICS = {
     DEPTH_CAMERA: "depth/camera_info",
 }
 IMU_TOPIC = "imu"
-TRANSPORTS = {COLOR: ("raw", "compressed"), DEPTH: ("raw", "compressedDepth")}
+TRANSPORTS = {COLOR: ("raw", "compressed"), DEPTH: ("raw", "compressedDepth", "compressed")}
 """Transports that a stream may come by; the others come raw."""
 _ALIGNED = "use the driver's aligned depth topic, or depth_registered: false"
 

@@ -43,7 +43,9 @@ class NodeConfig:
         5.0, "silence after which missing input is an error on /diagnostics", "s", 0.5, 3600.0
     )
     color_transport: str = setting("raw", "transport of the colour image", choices=("raw", "compressed"))
-    depth_transport: str = setting("raw", "transport of the depth image", choices=("raw", "compressedDepth"))
+    depth_transport: str = setting(
+        "raw", "transport of the depth image", choices=("raw", "compressedDepth", "compressed")
+    )
     camera_file: str = setting(
         "", "ROS camera calibration YAML used instead of rgb/camera_info (empty: the topic)", runtime=False
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from damaged_bags import damage_middle
 from frames_on_disk import SMALL, assert_same_samples, make_samples, write_folder
 
 from room_layout_ros.cli import main
+from room_layout_ros.commands.topics import open_and_tell
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.datasets import (
     BadFrame,
@@ -25,9 +26,11 @@ from room_layout_ros.datasets import (
     open_source,
 )
 from room_layout_ros.datasets import bag_messages as messages
+from room_layout_ros.datasets.bag import BagSource
 from room_layout_ros.datasets.bag_topics import choose_topics
 from room_layout_ros.datasets.calibration import write_calibration
 from room_layout_ros.datasets.convert import calibration_of, copy_frames
+from room_layout_ros.datasets.images import encode_image
 from room_layout_ros.datasets.readable import ReadablePart
 from room_layout_ros.datasets.writers import STORAGES, BagWriter, FolderWriter
 
@@ -556,8 +559,6 @@ def compressed(content: bytes, form: str, stamp_ns: int) -> bytes:
 
 
 def test_compressed_colour_and_depth_are_read(tmp_path: Path, rng: np.random.Generator) -> None:
-    from room_layout_ros.datasets.images import encode_image
-
     color = rng.integers(0, 256, (48, 64, 3)).astype(np.uint8)
     depth_mm = rng.integers(0, 9000, (48, 64)).astype(np.uint16)
     items = [
@@ -574,6 +575,53 @@ def test_compressed_colour_and_depth_are_read(tmp_path: Path, rng: np.random.Gen
     np.testing.assert_array_equal(sample.frame.color, color)
     assert sample.frame.depth_m is not None
     np.testing.assert_array_equal(np.nan_to_num(sample.frame.depth_m * 1000).round(), depth_mm)
+
+
+_FORMS = {".png": "png", ".jpg": "jpeg"}
+ALIGNED = "/camera/aligned_depth_to_color/image_raw"
+
+
+def with_depth_as_picture(path: Path, suffix: str, others: Sequence[str] = ()) -> Path:
+    """A bag with image_transport's `compressed` of 2 m of depth, as PNG or JPEG."""
+    depth_mm = np.full((48, 64), 2000, np.uint16)
+    pixels = depth_mm if suffix == ".png" else (depth_mm >> 4).astype(np.uint8)
+    picture, form = encode_image(suffix, pixels), f"16UC1; {_FORMS[suffix]} compressed "
+    items = [
+        ("/camera/color/camera_info", INFO, 1, info_at(1)),
+        ("/camera/color/image_raw", IMAGE, 1, color_at(1)),
+        (f"{ALIGNED}/compressed", messages.COMPRESSED, 1, compressed(picture, form, 1)),
+    ]
+    whole = compressed(bytes(12) + encode_image(".png", depth_mm), "16UC1; compressedDepth png", 1)
+    kinds = {"": (IMAGE, depth_at(1)), "/compressedDepth": (messages.COMPRESSED, whole)}
+    return write_raw(path, items + [(f"{ALIGNED}{end}", kinds[end][0], 1, kinds[end][1]) for end in others])
+
+
+def test_depth_in_png_is_read_where_no_other_is(tmp_path: Path) -> None:
+    """A camera whose image_transport is set to png for all it compresses: it was a bag without depth."""
+    bag = with_depth_as_picture(tmp_path / "png", ".png")
+    (sample,) = good_samples(open_source(bag))
+    assert sample.frame.depth_m is not None
+    assert (sample.frame.depth_m == 2.0).all()
+    for i, others in enumerate(([""], ["/compressedDepth"], ["", "/compressedDepth"])):
+        source = open_source(with_depth_as_picture(tmp_path / str(i), ".png", others))
+        assert isinstance(source, BagSource)
+        assert source.topics.depth == f"{ALIGNED}{others[0]}"
+
+
+def test_a_jpeg_of_depth_is_passed_over_with_a_word(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bag = with_depth_as_picture(tmp_path / "jpg", ".jpg")
+    (sample,) = good_samples(open_and_tell(bag))
+    assert sample.frame.depth_m is None
+    said = f"{ALIGNED}/compressed is not read: depth image has format '16UC1; jpeg compressed '; allowed are 16UC1"
+    assert capsys.readouterr().err.startswith(said)
+    open_and_tell(with_depth_as_picture(tmp_path / "both", ".jpg", ["/compressedDepth"]))
+    assert capsys.readouterr().err == "", "there is depth"
+
+
+def test_a_ros_1_bag_is_told_how_to_be_read(tmp_path: Path) -> None:
+    (tmp_path / "walk.bag").write_bytes(b"#ROSBAG V2.0\n")
+    with pytest.raises(DataError, match=r"is a ROS 1 bag; rosbags-convert --src .*walk.bag --dst walk makes a rosbag2"):
+        open_source(tmp_path / "walk.bag")
 
 
 @pytest.mark.parametrize("make", [color_at, depth_at, info_at])
@@ -598,8 +646,6 @@ def test_mutated_messages_end_as_data_errors(make: Any, rng: np.random.Generator
 
 def test_compressed_float_depth_is_read(tmp_path: Path) -> None:
     """compressedDepth of 32FC1 is inverse depth in steps: z = A / (step - B)."""
-    from room_layout_ros.datasets.images import encode_image
-
     a, b = 1000.0, 5.0
     steps = np.arange(10, 10 + 48 * 64, dtype=np.uint16).reshape(48, 64)
     content = b"\0" * 4 + np.array([a, b], "<f4").tobytes() + encode_image(".png", steps)
@@ -609,8 +655,6 @@ def test_compressed_float_depth_is_read(tmp_path: Path) -> None:
 
 
 def test_a_compressed_picture_that_unfolds_to_gigabytes_is_refused() -> None:
-    from room_layout_ros.datasets.images import encode_image
-
     content = bytearray(encode_image(".png", np.zeros((4, 4, 3), np.uint8)))
     content[16:24] = (8000).to_bytes(4, "big") * 2
     message = messages.decode(compressed(bytes(content), "rgb8; png", 1), messages.COMPRESSED)

@@ -299,9 +299,12 @@ def test_the_node_is_told_to_do_without_a_stream_that_is_not_there(
     assert room_layout(["convert", str(made / "input"), str(frames)]) == 0
     shutil.rmtree(frames / missing if missing else tmp_path / "none", ignore_errors=True)
     assert room_layout(["convert", str(frames), str(bag), "--to", "bag"]) == 0
-    played, words = demo_live._streams(bag)
+    played, words = demo_live.streams(bag)
     assert words == settings
     assert len(played) == (2 if missing else 3)
+    by_hand = " ".join(["estimator", *settings])
+    first, *_ = demo._by_hand(bag)
+    assert first.split("        # or: ") == [f"ros2 run room_layout_ros {by_hand}", by_hand], "on the page too"
 
 
 def test_a_process_that_ends_early_is_named_with_its_last_words(tmp_path: Path) -> None:

@@ -100,6 +100,14 @@ def test_f16_unknown_colour_encodings_are_refused_in_a_short_clean_sentence(enco
     assert len(shown) < 40 + 100
 
 
+@pytest.mark.parametrize(("encoding", "helps"), (("bayer_rggb8", True), ("yuv422_yuy2", True), ("8UC2", False)))
+def test_f16_colour_that_image_proc_turns_into_rgb_is_refused_with_its_name(encoding: str, helps: bool) -> None:
+    message = dataclasses.replace(packed(np.zeros((2, 2, 3), np.uint8), "rgb8"), encoding=encoding)
+    with pytest.raises(ValueError, match="colour image has encoding") as refused:
+        check_color(message)
+    assert str(refused.value).endswith("; image_proc makes bgr8 of it") == helps
+
+
 @pytest.mark.parametrize("encoding", ("8UC1", "rgb8", "mono8", "64FC1", ""))
 def test_f17_depth_in_another_encoding_is_refused(encoding: str) -> None:
     with pytest.raises(ValueError, match=r"depth image has encoding .*; allowed are 16UC1, mono16, 32FC1"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -55,20 +55,27 @@ def compressed_depth(i: int) -> Any:
     return compressed(np.concatenate([header, picture.ravel()]), "16UC1; compressedDepth png", stamp_ns(i))
 
 
-def compress_cameras(bench: Bench) -> None:
+def depth_as_picture(i: int) -> Any:
+    return compressed(cv2.imencode(".png", room_images(i)[1])[1], "16UC1; png compressed ", stamp_ns(i))
+
+
+def compress_cameras(bench: Bench, depth: str = "compressedDepth") -> None:
     """Let the bench publish compressed images in the place of raw ones."""
     for stream, topic in (
-        ("color", "rgb/image_rect_color/compressed"), ("depth", "depth_registered/image_rect/compressedDepth"),
+        ("color", "rgb/image_rect_color/compressed"), ("depth", f"depth_registered/image_rect/{depth}"),
     ):  # fmt: skip
         bench.other.destroy_publisher(bench.cameras[stream])
         bench.cameras[stream] = bench.other.create_publisher(messages.CompressedImage, topic, QoSProfile(depth=10))
 
 
-def test_compressed_images_give_the_same_frame_as_raw_ones() -> None:
-    with running(color_transport="compressed", depth_transport="compressedDepth") as bench:
-        compress_cameras(bench)
+@pytest.mark.parametrize(
+    ("transport", "depth"), (("compressedDepth", compressed_depth), ("compressed", depth_as_picture))
+)
+def test_compressed_images_give_the_same_frame_as_raw_ones(transport: str, depth: Callable[[int], Any]) -> None:
+    with running(color_transport="compressed", depth_transport=transport) as bench:
+        compress_cameras(bench, transport)
         bench.connect()
-        bench.send(0, compressed_color(0), compressed_depth(0))
+        bench.send(0, compressed_color(0), depth(0))
         bench.until(lambda: bench.labels_of(0))
         frame, offline = bench.estimators[0].frames[-1], room_frame(0)
         np.testing.assert_array_equal(frame.color, offline.color)

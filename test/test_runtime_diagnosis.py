@@ -41,13 +41,23 @@ def test_a_healthy_node_says_so() -> None:
     assert found["estimates"].message == "30.0 estimates per second, 20 ms each"
 
 
-@pytest.mark.parametrize(("stream", "name"), ((COLOR, "colour"), (DEPTH, "depth")))
-def test_silence_names_the_stream_its_topic_and_the_publishers(stream: str, name: str) -> None:
+@pytest.mark.parametrize(
+    ("stream", "name", "other", "cure"),
+    (
+        (COLOR, "colour", DEPTH, "use_color: false works on depth alone"),
+        (DEPTH, "depth", COLOR, "use_depth: false works on colour alone"),
+    ),
+)
+def test_silence_names_the_stream_its_topic_and_the_publishers(stream: str, name: str, other: str, cure: str) -> None:
     health = with_stream(stream, silence_s=7.2)
     found = findings(health)[f"input {name}"]
     assert (found.level, found.message) == (Level.ERROR, f"no {name} for 7 s on {TOPICS[stream]}; 1 publisher(s) seen")
-    nobody = findings(health, facts=with_input(stream, publishers=0))[f"input {name}"]
-    assert nobody.message.endswith("nobody publishes it")
+    facts = with_input(stream, publishers=0)
+    alone = findings(health, facts=facts)[f"input {name}"]
+    assert alone.message.endswith(f"nobody publishes it; {cure}"), "the other comes"
+    facts = replace(facts, inputs={**facts.inputs, other: replace(facts.inputs[other], publishers=0)})
+    nobody = findings(health, facts=facts)[f"input {name}"]
+    assert nobody.message.endswith("nobody publishes it"), "of both"
 
 
 def test_a_stream_of_which_every_message_is_refused_is_told_to_the_log() -> None:

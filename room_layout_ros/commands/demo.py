@@ -21,6 +21,7 @@ import cv2
 import numpy as np
 
 from room_layout_ros.commands.counts import count, real, seed
+from room_layout_ros.commands.demo_live import run_live, streams
 from room_layout_ros.commands.demo_offline import run_offline
 from room_layout_ros.commands.demo_page import DemoFacts, demo_html
 from room_layout_ros.commands.demo_pictures import (
@@ -101,8 +102,6 @@ def run(arguments: argparse.Namespace) -> int:
     doubts = DepthDoubts(EstimatorConfig())
     look, left_out = _write_bag(source, bag, arguments.frames, doubts)
     if live:
-        from room_layout_ros.commands.demo_live import run_live
-
         _say(f"play {len(look)} frames into the node and record what it publishes ({_FIRST_TIME})")
         mcap, notes = run_live(bag, out, sorted(look), arguments.rate)
     else:
@@ -290,8 +289,9 @@ def _cards(look: dict[int, _Seen], recording: Recording, stamps: list[int]) -> l
 
 
 def _by_hand(bag: Path) -> list[str]:
+    words = " ".join(["estimator", *streams(bag)[1]])
     return [
-        "ros2 run room_layout_ros estimator        # or: estimator",
+        f"ros2 run room_layout_ros {words}        # or: {words}",
         f"room-layout play {bag}",
         f"room-layout estimate {bag} --out estimates --overlay",
     ]

@@ -103,7 +103,7 @@ def run_live(bag: Path, out: Path, stamps_ns: Sequence[int], rate: float | None)
         recorder = start(
             "recorder", ["-m", "room_layout_ros.recording", *recorded_topics(), "--out", str(results)], environment, log
         )
-        played, settings = _streams(bag)
+        played, settings = streams(bag)
         node = start("estimator", ["-m", "room_layout_ros.node", *settings], environment, log)
         words = ["--rate", f"{speed:.3f}", "--wait-for-subscribers", "1", "--wait-timeout", f"{START_S:g}"]
         words += ["--topics", *played]
@@ -115,7 +115,7 @@ def run_live(bag: Path, out: Path, stamps_ns: Sequence[int], rate: float | None)
     return _recorded(results, recorder), _notes(recorder, len(stamps_ns), speed)
 
 
-def _streams(bag: Path) -> tuple[list[str], list[str]]:
+def streams(bag: Path) -> tuple[list[str], list[str]]:
     """Return the topics to play, and the words that let the node do without a stream that the bag has not."""
     with open_reader(bag) as reader:
         there = {connection.topic for connection in reader.connections}

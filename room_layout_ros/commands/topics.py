@@ -94,8 +94,9 @@ def open_and_tell(path: Path, **options: object) -> FrameSource:
     source, told = open_source(path, **options), list[str]()
     if isinstance(source, FramesFolder):
         told = [unread(source.path), source.calibration.warning]
-    elif isinstance(source, BagSource) and (warning := source.first_calibration().warning):
-        told = [warning if source.camera is not None else f"{path}: {warning}"]
+    elif isinstance(source, BagSource):
+        warning = source.first_calibration().warning
+        told = [f"{path}: {warning}" if warning and source.camera is None else warning, source.passed_over]
     for sentence in filter(None, told):
         print(sentence, file=sys.stderr)
     return source

@@ -16,7 +16,15 @@ from room_layout_ros.core.labels import N_FACES
 
 from . import bag_messages as messages
 from .bag_recovery import RawMessage, messages_around_damage
-from .bag_topics import CLASSES_TOPIC, LAYOUT_TOPIC, POSE_TOPIC, TRUTH_TYPES, BagTopics, choose_topics
+from .bag_topics import (
+    CLASSES_TOPIC,
+    LAYOUT_TOPIC,
+    POSE_TOPIC,
+    TRUTH_TYPES,
+    BagTopics,
+    choose_topics,
+    compressed_depth,
+)
 from .calibration import CameraCalibration, read_calibration
 from .errors import DataError
 from .sample import MAX_NYU40, BadFrame, FrameTruth, Sample
@@ -125,6 +133,8 @@ class BagSource:
     recover: bool = False
     camera: CameraCalibration | None = None
     """In the place of the camera_info, which is not read then."""
+    passed_over: str = ""
+    """Why a topic of the name of depth is not read, where no other is; "" where there is none."""
 
     @property
     def title(self) -> str:
@@ -284,7 +294,9 @@ class _Assembly:
         if topics.color and topics.depth:
             if partner is None:
                 gap_ms = self.source.max_stamp_gap_ns / 1e6
-                raise DataError(f"no colour image within {gap_ms:g} ms of this depth image")
+                raise DataError(
+                    f"no colour image within {gap_ms:g} ms of this depth image; --max-stamp-gap sets the time"
+                )
             color_message, _ = self.colors[partner]
             if partner == stamp_ns:
                 self.used.add(partner)
@@ -353,9 +365,23 @@ def open_bag(
         for c in reader.connections:
             counts[c.topic] = counts.get(c.topic, 0) + c.msgcount
         names = _names(reader)
-    chosen = choose_topics(types, **topics, needs_info=calibration is None)
+        unread = {topic: _why_no_depth(reader, topic, path) for topic in compressed_depth(types)}
+    in_png = [topic for topic, why in unread.items() if not why]
+    chosen = choose_topics(types, **topics, needs_info=calibration is None, in_png=in_png)
     count = counts[chosen.depth or chosen.color or ""]
-    return BagSource(path, chosen, types, count, names, max_stamp_gap_ns, assume_registered, recover, calibration)
+    told = "" if chosen.depth else "; ".join(f"{topic} is not read: {why}" for topic, why in unread.items())
+    return BagSource(path, chosen, types, count, names, max_stamp_gap_ns, assume_registered, recover, calibration, told)
+
+
+def _why_no_depth(reader: Reader, topic: str, path: Path) -> str:
+    """Return why the first image of a topic cannot be read as depth; "" where it can."""
+    try:
+        for connection, _, raw in raw_messages(reader, {topic}, path):
+            messages.decode_depth(messages.decode(raw, connection.msgtype))
+            return ""
+    except DataError as error:
+        return str(error)
+    return "it has no message"
 
 
 def _names(reader: Reader) -> dict[int, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from .bag_messages import CAMERA_INFO, COMPRESSED, IMAGE, POSE
@@ -18,6 +18,7 @@ _COLOR_HINTS = ("rgb", "color", "colour", "left", "image")
 _FINISH_HINTS = ("image_rect", "image")
 _DEPTH_WORDS = ("depth", "/stereo/image")
 """What tells depth from colour by name; DepthAI drivers call depth /oak/stereo/image_raw."""
+_AS_PICTURES = "/compressed"
 _NEVER = (
     *("ground_truth", "infra", "/ir/", "theora", "confidence", "mask", "label", "overlay", "mono", "/zstd"),
     "/stereo/image_rect_color",
@@ -46,6 +47,7 @@ def choose_topics(
     color_info_topic: str | None = None,
     depth_info_topic: str | None = None,
     needs_info: bool = True,
+    in_png: Collection[str] = (),
 ) -> BagTopics:
     """Choose the topics by name and type; what the caller names is taken as it is.
 
@@ -55,6 +57,8 @@ def choose_topics(
         Message type by topic.
     needs_info : bool
         False where the camera is known from elsewhere: no camera_info is chosen.
+    in_png : collection of str
+        Of `compressed_depth`, those that hold depth and no JPEG of it.
 
     Raises
     ------
@@ -69,9 +73,9 @@ def choose_topics(
     if results and len(results) == len(images):
         raise DataError(f"the bag holds results of the estimator ({_listed(images)}), no images of a camera")
     images = [t for t in images if t not in results and not any(word in t.lower() for word in _NEVER)]
-    depths = [t for t in images if any(word in t.lower() for word in _DEPTH_WORDS)]
+    depths = [t for t in images if _is_depth(t)]
     colors = [t for t in images if t not in depths and t != depth_topic]
-    depths = [t for t in depths if t != color_topic and not t.endswith("/compressed")]  # a JPEG of depth
+    depths = [t for t in depths if t != color_topic and (t in in_png or not t.endswith(_AS_PICTURES))]
     depth = depth_topic or _best("depth", _beside(color_topic, depths), _DEPTH_HINTS)
     color = color_topic or _best("colour", _beside(depth_topic, _without_right(colors)), _COLOR_HINTS)
     if not color and not depth:
@@ -83,6 +87,16 @@ def choose_topics(
     if info and info not in infos:
         raise DataError(f"the bag has no camera_info topic {info}; it has {_listed(infos)}")
     return BagTopics(color, depth, info or _info(color, depth, infos))
+
+
+def compressed_depth(types: Mapping[str, str]) -> list[str]:
+    """Return the topics of depth that is compressed as colour is: as JPEG, which loses it, or as PNG."""
+    pictures = (t for t, kind in types.items() if kind == COMPRESSED and t.endswith(_AS_PICTURES))
+    return [t for t in pictures if _is_depth(t) and not any(word in t.lower() for word in _NEVER)]
+
+
+def _is_depth(topic: str) -> bool:
+    return any(word in topic.lower() for word in _DEPTH_WORDS)
 
 
 def _without_right(topics: list[str]) -> list[str]:
@@ -109,11 +123,11 @@ def _is_result(topic: str, types: Mapping[str, str]) -> bool:
 
 
 def _best(what: str, topics: list[str], hints: tuple[str, ...]) -> str | None:
-    def rank(topic: str) -> tuple[int, int, bool]:
+    def rank(topic: str) -> tuple[int, int, int]:
         name = topic.lower()
         first = next((i for i, hint in enumerate(hints) if hint in name), len(hints))
         last = next((i for i, hint in enumerate(_FINISH_HINTS) if hint in name), len(_FINISH_HINTS))
-        return first, last, "/compressed" in name
+        return first, last, ("/compressed" in name) + name.endswith(_AS_PICTURES)  # compressedDepth before it
 
     ranked = sorted(topics, key=lambda t: (rank(t), t))
     if len(ranked) > 1 and rank(ranked[0]) == rank(ranked[1]):

@@ -59,6 +59,8 @@ def open_source(path: Path | str, **options: Any) -> FrameSource:
         return open_nyu(path)
     if path.name == BAG_METADATA:
         raise DataError(f"{path} is the metadata of a rosbag2; give its folder, {path.parent}")
+    if path.suffix.lower() == ".bag":
+        raise DataError(f"{path} is a ROS 1 bag; rosbags-convert --src {path} --dst {path.stem} makes a rosbag2 of it")
     raise DataError(
         f"{path} is no frames folder (rgb/ or color/, depth/), no rosbag2 ({BAG_METADATA}, .db3, .mcap) "
         "and no .mat file"

@@ -37,18 +37,26 @@ def check_compressed_color(message: CompressedImageLike) -> tuple[int, int]:
 
 
 def check_compressed_depth(message: CompressedImageLike) -> tuple[int, int]:
-    """Return (height, width) of a compressedDepth PNG without decoding it. Raises ValueError as its decoder."""
-    encoding, _, method = (part.strip() for part in str(message.format).partition(";"))
-    if encoding not in ("16UC1", "32FC1") or method not in ("compressedDepth", "compressedDepth png"):
-        raise ValueError(
-            f"depth image has format {clean_text(message.format)}; allowed are 16UC1 and 32FC1 as 'compressedDepth png'"
-        )
-    picture = memoryview(message.data).cast("B")[_DEPTH_HEADER:]
+    """Return (height, width) of the PNG of a depth image without decoding it. Raises ValueError as its decoder."""
+    picture = memoryview(message.data).cast("B")[_before_depth(message) :]
     if bytes(picture[: len(_PNG)]) != _PNG:
         raise ValueError("compressed depth image holds no PNG")
     if bytes(picture[24:26]) != b"\x10\x00":
         raise ValueError("compressed depth image is no PNG of 16-bit grey")
     return _picture_size("depth", picture)
+
+
+def _before_depth(message: CompressedImageLike) -> int:
+    """Return the number of bytes before the picture: none in image_transport's `compressed`, of 16UC1 as PNG."""
+    encoding, _, method = (part.strip() for part in str(message.format).partition(";"))
+    if encoding in ("16UC1", "32FC1") and method in ("compressedDepth", "compressedDepth png"):
+        return _DEPTH_HEADER
+    if encoding == "16UC1" and method.split()[:2] == ["png", "compressed"]:
+        return 0
+    raise ValueError(
+        f"depth image has format {clean_text(message.format)}; "
+        "allowed are 16UC1 and 32FC1 as 'compressedDepth png', and 16UC1 as 'png compressed'"
+    )
 
 
 def decode_compressed_color(message: CompressedImageLike) -> NDArray[np.uint8]:
@@ -72,15 +80,16 @@ def decode_compressed_depth(message: CompressedImageLike) -> NDArray[np.float32]
     """Return the (H, W) float32 depth in metres, NaN = not measured.
 
     16UC1 is millimetres; 32FC1 is inverse depth in steps, z = A / (step - B), with A and B before the picture.
+    `compressedDepth` holds both, `compressed` 16UC1.
 
     Raises
     ------
     ValueError
-        When it is no whole 16-bit PNG of one of both formats, or in the wrong unit.
+        When it is no whole 16-bit PNG of one of these formats, or in the wrong unit.
     """
     check_compressed_depth(message)
     content = np.frombuffer(message.data, np.uint8)
-    pixels = _decode("depth", content[_DEPTH_HEADER:])
+    pixels = _decode("depth", content[_before_depth(message) :])
     if pixels.dtype != np.uint16 or pixels.ndim != 2:
         raise ValueError(f"compressed depth image has shape {pixels.shape} of {pixels.dtype}; uint16 grey is needed")
     if message.format.startswith("16UC1"):

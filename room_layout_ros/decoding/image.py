@@ -22,6 +22,9 @@ _COLOR_TO_RGB = {
 }
 _DEPTH_TYPES = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 
+_OF_IMAGE_PROC = "bayer_", "yuv422"
+"""How encodings begin that image_proc's debayer node takes."""
+
 COLOR_ENCODINGS = tuple(_COLOR_TO_RGB)
 DEPTH_ENCODINGS = tuple(_DEPTH_TYPES)
 
@@ -143,7 +146,8 @@ def _encoding(message: ImageLike) -> str:
 
 
 def _wrong_encoding(what: str, message: ImageLike, allowed: tuple[str, ...]) -> str:
-    return f"{what} image has encoding {clean_text(message.encoding)}; allowed are {', '.join(allowed)}"
+    cure = "; image_proc makes bgr8 of it" if _encoding(message).startswith(_OF_IMAGE_PROC) else ""
+    return f"{what} image has encoding {clean_text(message.encoding)}; allowed are {', '.join(allowed)}{cure}"
 
 
 def _layout(what: str, message: ImageLike, channels: int, dtype: np.dtype[np.generic]) -> _Layout:

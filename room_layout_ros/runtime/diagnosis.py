@@ -15,6 +15,13 @@ from .session import CAMERA, CAMERAS, DEPTH_CAMERA, IMU
 NAMES = {IMU: "imu", COLOR: "colour", DEPTH: "depth", CAMERA: "camera_info", DEPTH_CAMERA: "camera_info of depth"}
 
 
+_ALONE = {
+    COLOR: (DEPTH, "use_color: false works on depth alone"),
+    DEPTH: (COLOR, "use_depth: false works on colour alone"),
+}
+"""The stream that may do without another, and how."""
+
+
 class Level(IntEnum):
     """Levels of diagnostic_msgs/DiagnosticStatus."""
 
@@ -141,7 +148,7 @@ def _input_state(stream: str, now: StreamHealth, before: StreamHealth, facts: No
         return _Said(Level.ERROR, words, "messages refused", logged=True)
     silence = min(now.silence_s, facts.listening_s)
     if silence > facts.no_data_timeout_s and not (stream in CAMERAS and now.paired):
-        seen = _publishers_seen(graph, facts)
+        seen = _publishers_seen(stream, facts)
         return _Said(Level.ERROR, f"no {name} for {silence:.0f} s on {graph.topic}; {seen}", f"silence, {seen}")
     doubt = _camera_doubt(graph)
     if doubt:
@@ -169,11 +176,16 @@ def _profile_cure(facts: NodeFacts) -> str:
     )
 
 
-def _publishers_seen(graph: InputFacts, facts: NodeFacts) -> str:
+def _publishers_seen(stream: str, facts: NodeFacts) -> str:
+    graph = facts.inputs[stream]
     if graph.publishers:
         lost = f", but all is lost on the way; {_profile_cure(facts)}" if graph.lost_on_way else ""
         return f"{graph.publishers} publisher(s) seen{lost}"
-    return f"nobody publishes it, but {graph.elsewhere}" if graph.elsewhere else "nobody publishes it"
+    if graph.elsewhere:
+        return f"nobody publishes it, but {graph.elsewhere}"
+    other, cure = _ALONE.get(stream, ("", ""))
+    there = other in facts.inputs and facts.inputs[other].publishers
+    return f"nobody publishes it; {cure}" if there else "nobody publishes it"
 
 
 def _camera_doubt(graph: InputFacts) -> _Said | None:
