@@ -27,7 +27,7 @@ from ..core.labels import N_CLUTTER_CLASSES, N_FURNITURE
 from ..datasets.folder import FramesFolder
 from ..datasets.sample import good_samples
 from .folds import MARGIN, folds_of, is_near
-from .kernel_rows import FrameRows, WordSettings, collect_rows, learn_words
+from .kernel_rows import ClutterRows, WordSettings, collect_rows, learn_words
 from .linear_svm import fit_one_vs_rest
 
 Say = Callable[[str], None]
@@ -130,7 +130,7 @@ def train_kernel_furniture(
 
 
 def choose(
-    rows: Sequence[FrameRows], columns: NDArray[np.intp], settings: KernelSettings
+    rows: Sequence[ClutterRows], columns: NDArray[np.intp], settings: KernelSettings
 ) -> tuple[Choice, list[dict[str, Any]]]:
     """Choose by mean IoU over frames that a classifier has not seen, neighbours neither; true clutter is given.
 
@@ -155,8 +155,8 @@ def choose(
 
 
 def _out_of_fold(
-    rows: Sequence[FrameRows], columns: NDArray[np.intp], choice: Choice, settings: KernelSettings
-) -> Iterator[tuple[FrameRows, Floats]]:
+    rows: Sequence[ClutterRows], columns: NDArray[np.intp], choice: Choice, settings: KernelSettings
+) -> Iterator[tuple[ClutterRows, Floats]]:
     """Frames as recorded, with scores (K, 7) of classifiers that saw no neighbour; NaN where nothing is known."""
     for learned, held in folds_of([frame.name for frame in rows], settings.folds):
         one = fit([rows[i] for i in learned], columns, choice, settings.passes)
@@ -164,7 +164,7 @@ def _out_of_fold(
             yield frame, frame.features[:, columns] @ one.weights.T + one.intercepts
 
 
-def _ious(judged: Sequence[tuple[FrameRows, Floats]], scale: float, other: float) -> NDArray[np.float64]:
+def _ious(judged: Sequence[tuple[ClutterRows, Floats]], scale: float, other: float) -> NDArray[np.float64]:
     """(6,) IoU in percent of each class after grouping; NaN where it is in no frame."""
     both, either = np.zeros(N_CLUTTER_CLASSES), np.zeros(N_CLUTTER_CLASSES)
     for frame, scores in judged:
@@ -177,7 +177,7 @@ def _ious(judged: Sequence[tuple[FrameRows, Floats]], scale: float, other: float
     return 100.0 * np.divide(both, either, out=np.full(N_CLUTTER_CLASSES, np.nan), where=either > 0)[:-1]
 
 
-def fit(rows: Sequence[FrameRows], columns: NDArray[np.intp], choice: Choice, passes: int) -> LinearClassifier:
+def fit(rows: Sequence[ClutterRows], columns: NDArray[np.intp], choice: Choice, passes: int) -> LinearClassifier:
     """Fit the classifier to all superpixels of which these columns are known.
 
     A superpixel has the class of most of its pixels and weighs as much as it has pixels. Columns are brought to the

@@ -80,7 +80,7 @@ def _cluster(name: str, parts: list[Floats], settings: WordSettings) -> CompactB
 
 
 @dataclass(frozen=True, slots=True)
-class FrameRows:
+class ClutterRows:
     """The clutter superpixels of one frame.
 
     Attributes
@@ -100,7 +100,7 @@ class FrameRows:
 
 def collect_rows(
     samples: Iterable[Sample], model: DescriptorModel, config: EstimatorConfig, degraded_every: int, seed: int
-) -> list[FrameRows]:
+) -> list[ClutterRows]:
     """Describe the clutter of labelled frames with colour; others are left out.
 
     Parameters
@@ -122,7 +122,7 @@ def collect_rows(
 
 def _frame_rows(
     frame: RgbdFrame, labels40: NDArray[np.uint8], model: DescriptorModel, config: EstimatorConfig, degraded: bool
-) -> FrameRows:
+) -> ClutterRows:
     geometry = compute_depth_geometry(frame, config)
     inverse_depth = None if geometry is None else geometry.inverse_depth
     superpixels = compute_superpixels(frame.color, inverse_depth, config)
@@ -134,4 +134,4 @@ def _frame_rows(
     counts = np.where(clutter[:, None], np.column_stack([named, other]), 0.0).astype(np.float32)
     features = describe_clutter(frame.color, geometry, superpixels, clutter, model)
     bare = replace(superpixels, index=np.zeros((0, 0), np.int32))
-    return FrameRows(frame.name, degraded, bare, clutter, features, counts)
+    return ClutterRows(frame.name, degraded, bare, clutter, features, counts)
