@@ -38,8 +38,8 @@ from room_layout_ros.datasets import FramesFolder, Sample, good_samples, open_fo
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.evaluation.c_curve import C_CURVE_FILE, read_c_curve
 from room_layout_ros.evaluation.measures import score_pixels
-from room_layout_ros.learning.context import BINS
 from room_layout_ros.learning.fit_frame import read_fits
+from room_layout_ros.learning.forest_export import BINS
 
 CAMERA = CameraIntrinsics(240, 180, 140.0, 140.0, 119.5, 89.5)
 """Wide: most frames show four or five faces, so that every fold has all of them."""

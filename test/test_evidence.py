@@ -31,7 +31,7 @@ from room_layout_ros.core.models import config_folder, model_file
 from room_layout_ros.core.superpixels import Superpixels, compute_superpixels
 from room_layout_ros.core.vanishing_points import _rotation
 from room_layout_ros.datasets.folder import open_folder
-from room_layout_ros.learning.context_table import describe_frame
+from room_layout_ros.learning.context_table import look_at
 from room_layout_ros.learning.scene_folds import SceneFolds
 
 CAMERA = CameraIntrinsics(160, 120, 130.0, 130.0, 80.0, 60.0)
@@ -202,10 +202,9 @@ def test_shipped_context_tells_structure_from_clutter_on_frames_never_trained_on
         sample = folder.read(f"{name:04d}")
         assert sample.truth is not None
         assert sample.truth.labels is not None
-        described = describe_frame(sample.frame, EstimatorConfig(use_depth=depth), networks)
-        assert described is not None
-        superpixels, _, features = described
-        clutter = compute_geometric_context(features, context_model).argmax(axis=1)[superpixels.index] == 5
+        seen = look_at(sample.frame, EstimatorConfig(use_depth=depth), networks)
+        assert seen is not None
+        clutter = compute_geometric_context(seen.features, context_model).argmax(axis=1)[seen.superpixels.index] == 5
         known = sample.truth.labels > 0
         errors.append((clutter != (sample.truth.labels == 6))[known].mean())
     assert np.mean(errors) < limit, np.mean(errors)

@@ -12,7 +12,7 @@ import pytest
 from scipy.special import softmax
 
 from room_layout_ros.core.forest import MAX_LEAVES, Forest
-from room_layout_ros.learning.context import export_forest
+from room_layout_ros.learning.forest_export import export_forest
 
 Fitted = tuple[np.ndarray, Any, Forest]
 HistGradientBoostingClassifier = pytest.importorskip("sklearn.ensemble").HistGradientBoostingClassifier

@@ -23,13 +23,12 @@ from room_layout_ros.datasets.sample import good_samples
 from room_layout_ros.datasets.synthetic import SyntheticSource
 from room_layout_ros.learning.context import (
     ContextSettings,
-    block_folds,
     domain_errors,
     structure_error,
     train_context,
 )
 from room_layout_ros.learning.context_table import ContextTable, collect_table, join_tables
-from room_layout_ros.learning.folds import SYNTHETIC_FIRST
+from room_layout_ros.learning.folds import SYNTHETIC_FIRST, folds_of, row_folds
 from room_layout_ros.learning.synthetic_frames import random_frames
 
 CONFIG = EstimatorConfig(superpixel_count=70)
@@ -135,7 +134,7 @@ def test_the_place_of_a_frame_is_that_among_labelled_ones(folder: Folder) -> Non
 
 def test_folds_are_blocks_apart_and_synthetic_frames_have_their_own() -> None:
     frame = np.array([1, 2, 8, 20, 21, 30, SYNTHETIC_FIRST, SYNTHETIC_FIRST + 1, SYNTHETIC_FIRST + 6])
-    folds = list(block_folds(frame, 2))
+    folds = list(row_folds(frame, 2))
     assert (folds[0][1] | folds[1][1]).all()
     assert not (folds[0][1] & folds[1][1]).any()
     assert folds[0][1].tolist() == [True, True, True, False, False, False, True, True, False]
@@ -143,6 +142,14 @@ def test_folds_are_blocks_apart_and_synthetic_frames_have_their_own() -> None:
         assert np.abs(frame[train][:, None] - frame[validate]).min() > 5
     # the margin keeps synthetic neighbours apart too: of the last, five numbers away and six
     assert folds[1][0][6:].tolist() == [True, False, False]
+
+
+def test_rows_of_fewer_frames_than_folds_are_shared_out_while_as_few_names_are_refused() -> None:
+    frame = np.array([10, 10, 30, SYNTHETIC_FIRST])
+    held = [validate.tolist() for _, validate in row_folds(frame, 3)]
+    assert held == [[True, True, False, True], [False, False, True, False], [False] * 4]
+    with pytest.raises(ValueError, match="folds is 3; 2 to the number of frames"):
+        list(folds_of(["0010", "0030"], 3))
 
 
 def test_random_rooms_are_the_same_for_every_count_and_differ_by_seed() -> None:

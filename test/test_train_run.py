@@ -98,7 +98,7 @@ def test_two_processes_fit_describe_state_learn_and_judge_as_one_does(
         }
         for mine, theirs in zip(described(folder, rooms, alone), described(folder, rooms, place), strict=True):
             assert mine.name == theirs.name
-            np.testing.assert_array_equal(mine.features, theirs.features)
+            np.testing.assert_array_equal(mine.features.values, theirs.features.values)
             np.testing.assert_array_equal(mine.labels, theirs.labels)
         assert stated(folder, rooms, place) == refs, "examples are known by their content"
         np.testing.assert_array_equal(learned(refs, place), weights)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from ..core.config import EstimatorConfig
 from ..core.evidence.features import SuperpixelFeatures
 from ..core.evidence.geometric_context import ContextModel, compute_geometric_context, save_context
-from ..core.forest import Forest
-from ..core.furniture import FurnitureModel, save_furniture
-from ..core.labels import FURNITURE_IDS, N_FACES, N_LABELS
+from ..core.labels import N_FACES, N_LABELS
 from ..core.layout import RoomCuboid
 from ..datasets.folder import FramesFolder
 from ..datasets.sample import good_samples
 from ..datasets.synthetic import NOISES
 from .context_table import ContextTable, collect_table, join_tables
-from .folds import MARGIN, SYNTHETIC_FIRST, is_near, is_near_block
+from .folds import MARGIN, SYNTHETIC_FIRST, is_near, row_folds
+from .forest_export import BINS, export_forest
+from .furniture import train_furniture as train_furniture  # commands.train takes it from here
 from .scene_folds import SceneFolds
 from .synthetic_frames import random_frames
 
@@ -56,10 +56,6 @@ RGB_SETTINGS = ContextSettings(trees=150, synthetic_frames=0)
 """Without depth."""
 
 
-BINS = {"structure": 127, "face": 63, "furniture": 63}
-"""Bins of a feature per forest. With weights scikit-learn takes 0.3 ms a bin and feature to find them."""
-
-
 def train_context(
     source: FramesFolder,
     rooms: Mapping[str, RoomCuboid],
@@ -72,7 +68,7 @@ def train_context(
     progress: Callable[[str], None] = lambda _: None,
     networks: SceneFolds | None = None,
 ) -> tuple[ContextModel, ContextTable]:
-    """Train on a folder of labelled frames and write the model; returns the table too, for `train_furniture`.
+    """Train on a folder of labelled frames and write the model; returns the table too, for `furniture.train_furniture`.
 
     The same data, arguments and libraries give the same bytes.
 
@@ -222,66 +218,16 @@ def _check_classes(
             raise ValueError(f"{frames} frames show no {what} to learn from; more frames, or other ones, are needed")
 
 
-_NEVER = -30.0
-"""Score of a class that was not among the rows to learn from: its probability is 1e-13."""
-
-
-def export_forest(classifier: Any, outputs: int) -> Forest:
-    """Turn a fitted scikit-learn HistGradientBoostingClassifier into plain arrays with the same scores.
-
-    Thresholds are rounded down to float32: for float32 rows, x <= threshold then has the same answer.
-
-    Parameters
-    ----------
-    classifier : fitted to the classes 0..outputs - 1, some of which may be missing; for one output to False and True.
-    """
-    found = np.ravel(classifier._baseline_prediction).astype(np.float32)
-    places = np.zeros(1, np.intp) if outputs == 1 else classifier.classes_.astype(np.intp)
-    baseline = np.full(outputs, _NEVER, np.float32)
-    baseline[places] = 0.0
-    places = places[-len(found) :]  # of two classes there is one score, of the second against the first
-    baseline[places] = found
-    trees = [(k, p.nodes) for iteration in classifier._predictors for k, p in enumerate(iteration)]
-    nodes = np.concatenate([tree for _, tree in trees])
-    leaf = nodes["is_leaf"].astype(bool)
-    exact = nodes["num_threshold"]
-    with np.errstate(over="ignore"):
-        threshold = exact.astype(np.float32)
-    threshold = np.where(threshold.astype(np.float64) > exact, np.nextafter(threshold, np.float32(-np.inf)), threshold)
-    threshold = np.clip(threshold, np.finfo(np.float32).min, np.finfo(np.float32).max)
-    return Forest(
-        feature=np.where(leaf, -1, nodes["feature_idx"]).astype(np.int16),
-        threshold=np.where(leaf, nodes["value"], threshold).astype(np.float32),
-        missing_left=nodes["missing_go_to_left"].astype(bool),
-        left=nodes["left"].astype(np.int16),
-        right=nodes["right"].astype(np.int16),
-        root=np.cumsum([0] + [len(tree) for _, tree in trees[:-1]]).astype(np.int32),
-        output=np.array([places[k] for k, _ in trees], np.int16),
-        baseline=baseline,
-    )
-
-
-def block_folds(frame: NDArray[np.int64], folds: int) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
-    """Yield (train, validate) row masks: contiguous blocks of frame numbers, `folds.MARGIN` numbers apart.
-
-    Synthetic frames are blocks of their own: each fold has its share of both kinds.
-    """
-    numbers = np.unique(frame)
-    real = np.array_split(numbers[numbers < SYNTHETIC_FIRST], folds)
-    synthetic = np.array_split(numbers[numbers >= SYNTHETIC_FIRST], folds)
-    for blocks in zip(real, synthetic, strict=True):
-        train, validate = np.ones(len(frame), bool), np.zeros(len(frame), bool)
-        for block in blocks:
-            if len(block):
-                validate |= (frame >= block[0]) & (frame <= block[-1])
-                train &= ~is_near_block(frame, int(block[0]), int(block[-1]))
-        yield train, validate
-
-
-def out_of_fold(table: ContextTable, settings: ContextSettings | None = None, folds: int = 4) -> NDArray[np.float64]:
+def out_of_fold(
+    table: ContextTable,
+    settings: ContextSettings | None = None,
+    folds: int = 4,
+    progress: Callable[[str], object] = lambda _: None,
+) -> NDArray[np.float64]:
     """(n, 6) probabilities of each row from forests that have not seen its frame or a neighbour of it."""
     probability = np.full((len(table.frame), N_LABELS), np.nan)
-    for train, validate in block_folds(table.frame, folds):
+    for number, (train, validate) in enumerate(row_folds(table.frame, folds), 1):
+        progress(f"context: fold {number} of {folds}")
         model = grow(table, train, settings or ContextSettings())
         rows = SuperpixelFeatures(np.ascontiguousarray(table.features[validate]), table.names)
         probability[validate] = compute_geometric_context(rows, model)
@@ -301,51 +247,3 @@ def label_error(table: ContextTable, probability: NDArray[np.float64], rows: NDA
     chosen = probability[known].argmax(axis=1) + 1
     labels = table.labels[known]
     return float(1.0 - labels[np.arange(len(labels)), chosen].sum() / labels[:, 1:].sum())
-
-
-def train_furniture(
-    table: ContextTable, out: Path, seed: int = 0, facts: Mapping[str, Any] | None = None
-) -> FurnitureModel:
-    """Train the furniture classifier on the table of `context_examples` and write the model.
-
-    The same table, arguments and libraries give the same bytes.
-    """
-    rows = table.variant >= 0
-    model = grow_furniture(table, rows, seed=seed)
-    card = {"frames": len(np.unique(table.frame[rows])), "seed": seed, **(facts or {})}
-    model = FurnitureModel(model.names, model.forest, card)
-    save_furniture(model, out)
-    return model
-
-
-def grow_furniture(
-    table: ContextTable, rows: NDArray[np.bool_], trees: int = 40, leaves: int = 16, seed: int = 0
-) -> FurnitureModel:
-    """Grow the furniture forest on the clutter superpixels among the rows; one thread, as `grow`."""
-    from sklearn.ensemble import HistGradientBoostingClassifier
-    from threadpoolctl import threadpool_limits
-
-    structural = table.structure / np.maximum(table.pixels, 1.0)
-    use = rows & (structural < 0.5) & (table.pixels > 50)
-    counts = furniture_counts(table)
-    classifier = HistGradientBoostingClassifier(
-        max_iter=trees,
-        learning_rate=0.15,
-        max_leaf_nodes=leaves,
-        min_samples_leaf=40,
-        l2_regularization=2.0,
-        max_bins=BINS["furniture"],
-        max_features=0.3,
-        early_stopping=False,
-        random_state=seed,
-    )
-    with threadpool_limits(1, "openmp"):
-        classifier.fit(table.features[use], counts[use].argmax(axis=1), sample_weight=table.pixels[use] / 1500.0)
-    return FurnitureModel(table.names, export_forest(classifier, counts.shape[1]))
-
-
-def furniture_counts(table: ContextTable) -> NDArray[np.float32]:
-    """(n, 7) float32 pixels of the six furniture classes and of other clutter."""
-    named = table.classes[:, list(FURNITURE_IDS)]
-    other = np.maximum(table.pixels - table.structure - named.sum(axis=1), 0.0)
-    return np.concatenate([named, other[:, None]], axis=1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,9 @@ from ..core.config import EstimatorConfig
 from ..core.estimate import Status
 from ..core.evidence.features import SuperpixelFeatures
 from ..core.frame import RgbdFrame
-from ..core.labels import STRUCTURE_NYU40 as STRUCTURE
+from ..core.labels import STRUCTURE_NYU40
 from ..core.layout import RoomCuboid
-from ..core.observation import no_scene, observe
-from ..core.superpixels import Superpixels
+from ..core.observation import Observation, no_scene, observe
 from ..datasets.sample import Sample
 from .degradation import degrade_depth
 from .folds import SYNTHETIC_FIRST, frame_number
@@ -48,6 +48,41 @@ class ContextTable:
     def pixels(self) -> NDArray[np.float32]:
         """(n,) labelled pixels of each superpixel."""
         return self.classes[:, 1:].sum(axis=1)
+
+
+class TablePart(NamedTuple):
+    """The rows of one frame, and its columns `frame` and `variant`."""
+
+    features: SuperpixelFeatures
+    labels: NDArray[np.float32]
+    classes: NDArray[np.float32]
+    frame: int
+    variant: int = 0
+
+
+def stack(parts: Sequence[TablePart]) -> ContextTable:
+    """Put the rows of frames with the same features one below the other.
+
+    Raises
+    ------
+    ValueError
+        When there is no frame.
+    """
+    if not parts:
+        raise ValueError("no frame with class labels and usable axes is among the samples; at least one is needed")
+    structural = np.zeros(41, np.float32)
+    structural[list(STRUCTURE_NYU40)] = 1.0
+    classes = np.concatenate([part.classes for part in parts])
+    sizes = [len(part.labels) for part in parts]
+    return ContextTable(
+        features=np.concatenate([part.features.values for part in parts]),
+        names=parts[0].features.names,
+        labels=np.concatenate([part.labels for part in parts]),
+        structure=classes @ structural,
+        classes=classes,
+        frame=np.repeat(np.array([part.frame for part in parts], np.int64), sizes),
+        variant=np.repeat(np.array([part.variant for part in parts], np.int8), sizes),
+    )
 
 
 def join_tables(tables: Sequence[ContextTable]) -> ContextTable:
@@ -86,7 +121,7 @@ def collect_table(
     synthetic : the samples are synthetic: their rooms are known, their numbers start at `SYNTHETIC_FIRST`.
     networks : scene networks whose features to add.
     """
-    parts: list[tuple[SuperpixelFeatures, NDArray[np.float32], NDArray[np.float32], int, int]] = []
+    parts = []
     place = -1
     for ordinal, sample in enumerate(at_working_size(one, config) for one in samples):
         if sample.truth is None or sample.truth.labels40 is None:
@@ -100,42 +135,20 @@ def collect_table(
             if variant and frame.depth_m is not None:
                 rng = np.random.default_rng((seed, number, variant))
                 frame = replace(frame, depth_m=degrade_depth(frame.depth_m, rng))
-            described = describe_frame(frame, config, networks)
-            if described is None:
+            seen = look_at(frame, config, networks)
+            if seen is None:
                 continue
-            superpixels, R, features = described
+            superpixels = seen.superpixels
             classes = class_histogram(superpixels.index, superpixels.count, sample.truth.labels40)
             labels = np.zeros((superpixels.count, 7), np.float32)
             if room is not None:
-                truth = true_labels(room, room.raster(frame.camera), sample.truth.labels40, R)
+                truth = true_labels(room, room.raster(frame.camera), sample.truth.labels40, seen.axes.R_room_camera)
                 labels = label_histogram(superpixels.index, superpixels.count, truth)
-            parts.append((features, labels, classes, number, -1 if synthetic else variant))
-    return _stack(parts)
+            parts.append(TablePart(seen.features, labels, classes, number, -1 if synthetic else variant))
+    return stack(parts)
 
 
-def _stack(parts: list[tuple[SuperpixelFeatures, NDArray[np.float32], NDArray[np.float32], int, int]]) -> ContextTable:
-    if not parts:
-        raise ValueError("no frame with class labels and usable axes is among the samples; at least one is needed")
-    structural = np.zeros(41, np.float32)
-    structural[list(STRUCTURE)] = 1.0
-    classes = np.concatenate([part[2] for part in parts])
-    sizes = [len(part[1]) for part in parts]
-    return ContextTable(
-        features=np.concatenate([part[0].values for part in parts]),
-        names=parts[0][0].names,
-        labels=np.concatenate([part[1] for part in parts]),
-        structure=classes @ structural,
-        classes=classes,
-        frame=np.repeat(np.array([part[3] for part in parts], np.int64), sizes),
-        variant=np.repeat(np.array([part[4] for part in parts], np.int8), sizes),
-    )
-
-
-def describe_frame(
-    frame: RgbdFrame, config: EstimatorConfig, networks: SceneFolds | None = None
-) -> tuple[Superpixels, NDArray[np.float64], SuperpixelFeatures] | None:
-    """Superpixels, axes and features of a frame as the estimator sees it; None without axes or wanted depth."""
+def look_at(frame: RgbdFrame, config: EstimatorConfig, networks: SceneFolds | None = None) -> Observation | None:
+    """Run the stages before the learned parts; None where the estimator would give up or wanted depth is missing."""
     seen = observe(frame, config, no_scene if networks is None else networks.look)
-    if isinstance(seen, Status) or (config.use_depth and seen.geometry is None):
-        return None
-    return seen.superpixels, seen.axes.R_room_camera, seen.features
+    return None if isinstance(seen, Status) or (config.use_depth and seen.geometry is None) else seen

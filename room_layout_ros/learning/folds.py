@@ -65,9 +65,20 @@ def number_blocks(numbers: Sequence[int], count: int) -> list[tuple[int, int]]:
     ValueError
         When there are fewer frames than folds or less than two folds.
     """
-    if not 2 <= count <= len(numbers):
-        raise ValueError(f"folds is {count}; 2 to the number of frames ({len(numbers)}) are possible")
-    return [(int(block[0]), int(block[-1])) for block in np.array_split(np.unique(numbers), count)]
+    distinct = np.unique(np.asarray(numbers, np.int64))
+    check_folds(count, len(distinct))
+    return _cut(distinct, count)
+
+
+def check_folds(count: int, frames: int) -> None:
+    """Refuse what cannot be cut: fewer frames than folds, or less than two folds."""
+    if not 2 <= count <= frames:
+        raise ValueError(f"folds is {count}; 2 to the number of frames ({frames}) are possible")
+
+
+def _cut(distinct: NDArray[np.int64], count: int) -> list[tuple[int, int]]:
+    """First and last number of each block; fewer blocks where there are fewer numbers."""
+    return [(int(block[0]), int(block[-1])) for block in np.array_split(distinct, count) if len(block)]
 
 
 def folds_of(names: Sequence[str], folds: int) -> Iterator[tuple[list[int], list[int]]]:
@@ -79,6 +90,27 @@ def folds_of(names: Sequence[str], folds: int) -> Iterator[tuple[list[int], list
         As `number_blocks`.
     """
     numbers = np.array(frame_numbers(names), np.int64)
-    for first, last in number_blocks(numbers.tolist(), folds):
-        held = (numbers >= first) & (numbers <= last)
-        yield np.flatnonzero(~is_near_block(numbers, first, last)).tolist(), np.flatnonzero(held).tolist()
+    for block in number_blocks(numbers.tolist(), folds):
+        train, validate = _apart(numbers, block)
+        yield np.flatnonzero(train).tolist(), np.flatnonzero(validate).tolist()
+
+
+def row_folds(frame: NDArray[np.int64], folds: int) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
+    """Yield (train, validate) masks of the rows of a table, by the number of each one's frame.
+
+    As `folds_of`, but synthetic frames are blocks of their own, so that each fold has its share of both kinds, and
+    there may be fewer frames of a kind than folds.
+    """
+    numbers = np.unique(frame)
+    kinds = (_cut(numbers[numbers < SYNTHETIC_FIRST], folds), _cut(numbers[numbers >= SYNTHETIC_FIRST], folds))
+    for k in range(folds):
+        yield _apart(frame, *(blocks[k] for blocks in kinds if k < len(blocks)))
+
+
+def _apart(numbers: NDArray[np.int64], *blocks: tuple[int, int]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Masks of the numbers that are near none of the blocks, and of those in one of them."""
+    train, validate = np.ones(len(numbers), bool), np.zeros(len(numbers), bool)
+    for first, last in blocks:
+        train &= ~is_near_block(numbers, first, last)
+        validate |= (numbers >= first) & (numbers <= last)
+    return train, validate

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from ..core.config import EstimatorConfig
 from ..core.energies import ExtraCosts, joint_features
-from ..core.estimate import Status
 from ..core.frame import CameraIntrinsics, RgbdFrame
 from ..core.hypotheses import gather_hypotheses
 from ..core.integral_geometry import pair_tables
@@ -17,9 +16,10 @@ from ..core.joint_problem import JointProblem, build_joint_problem
 from ..core.labels import FRONT_WALL, WALL_FACES
 from ..core.layout import RoomCuboid
 from ..core.layout_search import Layout, search_layout
-from ..core.observation import Observation, no_scene, observe
+from ..core.observation import Observation
 from ..core.room_axes import angle_between_axes
 from ..core.weights import uses
+from .context_table import look_at
 from .losses import JointLoss, joint_loss, loss_costs
 from .scene_folds import SceneFolds
 from .superpixel_truth import class_histogram, label_histogram, translate_faces, true_labels
@@ -61,11 +61,9 @@ def describe(
     config: EstimatorConfig,
     networks: SceneFolds | None = None,
 ) -> FrameDescription | None:
-    """Run the stages before the learned parts; None where the estimator itself would give up."""
-    seen = observe(frame, config, no_scene if networks is None else networks.look)
-    if isinstance(seen, Status) or (config.use_depth and seen.geometry is None):
-        return None
-    return FrameDescription(frame.name, frame.camera, seen, cuboid, labels40)
+    """Describe a frame with what is true there; None where there is nothing to learn from (`look_at`)."""
+    seen = look_at(frame, config, networks)
+    return None if seen is None else FrameDescription(frame.name, frame.camera, seen, cuboid, labels40)
 
 
 @dataclass(frozen=True, slots=True)

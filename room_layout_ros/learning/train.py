@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 
 from ..core.config import EstimatorConfig
 from ..core.evidence.features import SuperpixelFeatures
-from ..core.evidence.geometric_context import compute_geometric_context
-from ..core.labels import N_LABELS, STRUCTURE_NYU40
 from ..core.weights import VARIANTS, ModelWeights, start_weights
-from .context import ContextSettings, grow
-from .context_table import ContextTable
-from .folds import folds_of, frame_numbers
+from .context import ContextSettings, out_of_fold
+from .context_table import TablePart, stack
+from .folds import check_folds, frame_numbers
 from .frank_wolfe import learn_frank_wolfe
 from .joint_examples import FrameDescription
 from .joint_oracle import JointOracle, Judged, active_features
@@ -52,13 +50,12 @@ class FrameRows:
 
     Attributes
     ----------
-    name : of the frame. features : (K, F) float32. feature_names : (F,).
+    name : of the frame. features : of its K superpixels.
     labels : (K, 7) float32 pixels per label id. classes : (K, 41) float32 pixels per NYU40 id.
     """
 
     name: str
-    features: NDArray[np.float32]
-    feature_names: tuple[str, ...]
+    features: SuperpixelFeatures
     labels: NDArray[np.float32]
     classes: NDArray[np.float32]
 
@@ -66,51 +63,27 @@ class FrameRows:
 def rows_of(description: FrameDescription) -> FrameRows:
     """Return the rows of a frame."""
     d = description
-    return FrameRows(d.name, d.seen.features.values, d.seen.features.names, d.label_counts(), d.class_counts())
-
-
-def context_table(frames: Sequence[FrameRows]) -> ContextTable:
-    """Return features and truth of the superpixels of all frames, as the context classifier learns from them.
-
-    Raises
-    ------
-    ValueError
-        When there is no frame.
-    """
-    if not frames:
-        raise ValueError("no frame to learn from: none has a fitted room, classes and usable axes")
-    structural = np.zeros(41, np.float32)
-    structural[list(STRUCTURE_NYU40)] = 1.0
-    classes = np.concatenate([f.classes for f in frames])
-    sizes = [len(f.features) for f in frames]
-    return ContextTable(
-        features=np.concatenate([f.features for f in frames]),
-        names=frames[0].feature_names,
-        labels=np.concatenate([f.labels for f in frames]),
-        structure=classes @ structural,
-        classes=classes,
-        frame=np.repeat(np.array(frame_numbers([f.name for f in frames]), np.int64), sizes),
-        variant=np.zeros(sum(sizes), np.int8),
-    )
+    return FrameRows(d.name, d.seen.features, d.label_counts(), d.class_counts())
 
 
 def out_of_fold_context(
     frames: Sequence[FrameRows], config: TrainConfig, progress: Callable[[str], object] = print
 ) -> dict[str, NDArray[np.float64]]:
-    """Return (K, 6) probabilities by frame name, each by forests that saw neither it nor its neighbours."""
-    table = context_table(frames)
-    starts = np.cumsum([0] + [len(f.features) for f in frames])
-    result = {f.name: np.full((len(f.features), N_LABELS), 1.0 / N_LABELS) for f in frames}
-    for number, (train, validate) in enumerate(folds_of([f.name for f in frames], config.folds), 1):
-        progress(f"context: fold {number} of {config.folds}")
-        rows = np.zeros(len(table.frame), bool)
-        for i in train:
-            rows[starts[i] : starts[i + 1]] = True
-        model = grow(table, rows, config.context)
-        for i in validate:
-            features = SuperpixelFeatures(frames[i].features, table.names)
-            result[frames[i].name] = compute_geometric_context(features, model)
-    return result
+    """Return (K, 6) probabilities by frame name, each by forests that saw neither it nor its neighbours.
+
+    Raises
+    ------
+    ValueError
+        When there is no frame, or there are fewer than folds.
+    """
+    if not frames:
+        raise ValueError("no frame to learn from: none has a fitted room, classes and usable axes")
+    check_folds(config.folds, len(frames))
+    numbers = frame_numbers([f.name for f in frames])
+    table = stack([TablePart(f.features, f.labels, f.classes, k) for f, k in zip(frames, numbers, strict=True)])
+    probability = out_of_fold(table, config.context, config.folds, progress)
+    ends = np.cumsum([len(f.labels) for f in frames])
+    return {f.name: rows for f, rows in zip(frames, np.split(probability, ends[:-1]), strict=True)}
 
 
 def learn_weights(
