@@ -148,8 +148,9 @@ def test_rows_of_fewer_frames_than_folds_are_shared_out_while_as_few_names_are_r
     frame = np.array([10, 10, 30, SYNTHETIC_FIRST])
     held = [validate.tolist() for _, validate in row_folds(frame, 3)]
     assert held == [[True, True, False, True], [False, False, True, False], [False] * 4]
-    with pytest.raises(ValueError, match="folds is 3; 2 to the number of frames"):
-        list(folds_of(["0010", "0030"], 3))
+    for names in (["0010", "0030"], ["0010", "0010", "0030"]):
+        with pytest.raises(ValueError, match=r"folds is 3; 2 to the number of frames \(2\)"):
+            list(folds_of(names, 3))
 
 
 def test_random_rooms_are_the_same_for_every_count_and_differ_by_seed() -> None:
