@@ -36,6 +36,7 @@ def mirrored(sample: Sample) -> NDArray[np.float32]:
 def test_the_mirror_image_of_a_wall_is_no_lower_floor(noise: str) -> None:
     sample = render(empty(), KINECT, camera_pose(-1.4, 0.0, 1.2, 0.0, -0.3), NOISES[noise], np.random.default_rng(5))
     depth_m = mirrored(sample)
+    assert sample.frame.depth_m is not None
     assert (depth_m > np.nan_to_num(sample.frame.depth_m) + 1.0).sum() > 0.01 * depth_m.size
     found = free_space_of(replace(sample.frame, depth_m=depth_m), with_truth(sample))
     assert abs(found.camera_height_m - 1.2) < 0.02
