@@ -11,7 +11,6 @@ SHELL  := /bin/bash
 BIN    := $(abspath $(VENV))/bin
 STAMP  := $(VENV)/.installed
 PIP    := $(BIN)/python -m pip --disable-pip-version-check
-SOURCE := room_layout_ros msg_adapters test benchmarks setup.py
 
 # The ROS wheels exist for Linux on x86-64 only. Elsewhere everything but the node works.
 PLATFORM := $(shell uname -s)-$(shell uname -m)

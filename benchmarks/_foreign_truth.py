@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from benchmarks import _ray_caster as rc
 from benchmarks._foreign_rooms import KINDS
 from benchmarks._foreign_things import Scene
+from benchmarks._free_space import MARGIN_M, MOUNTS
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.labels import CEILING, CLUTTER, FLOOR, FRONT_WALL, LEFT_WALL, RIGHT_WALL, UNKNOWN
 from room_layout_ros.datasets.synthetic import NOISES, camera_pose
 from room_layout_ros.datasets.synthetic.noise import sense_color, sense_depth
 from room_layout_ros.datasets.synthetic.shapes import GLASS, MATTE
-from room_layout_ros.evaluation.free_space import MARGIN_M, MOUNTS
 
 NEAR_M = 4.0
 """Cells are looked at up to this distance from the camera's foot."""

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 
+from benchmarks._floor_width import floor_width
 from benchmarks._frames import DATA
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
@@ -13,7 +14,6 @@ from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.core.freespace import OCCUPIED_CELL, FreeSpace, compute_free_space
 from room_layout_ros.datasets import good_samples, open_folder
-from room_layout_ros.evaluation.floor_width import floor_width
 
 WIDTH_M = 2.15
 TOLERANCE_M = 0.10

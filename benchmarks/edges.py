@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks._frames import DATA
+from benchmarks._free_space import random_views
 from benchmarks._planes import Planes
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.datasets import Sample, good_samples, open_folder
 from room_layout_ros.datasets.synthetic import NOISES
-from room_layout_ros.evaluation.free_space import random_views
 from room_layout_ros.learning.folds import MARGIN, is_near
 
 ROOMS, FIRST, STREAM = 16, 8000, 11

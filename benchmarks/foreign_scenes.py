@@ -28,11 +28,11 @@ from numpy.typing import NDArray
 
 from benchmarks._foreign_rooms import KINDS
 from benchmarks._foreign_truth import Cells, View, take, true_cells, true_labels, true_layout
+from benchmarks._free_space import ratio
 from benchmarks._ray_caster import THING
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.freespace import FREE_CELL, OCCUPIED_CELL, free_space_of_frame
 from room_layout_ros.core.labels import FRONT_WALL, LEFT_WALL, RIGHT_WALL
-from room_layout_ros.evaluation.free_space import ratio
 from room_layout_ros.evaluation.measures import confusion, error, score_pixels
 
 SEEDS = 4

@@ -9,15 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from benchmarks._planes import Planes
-from room_layout_ros.core.config import EstimatorConfig
-from room_layout_ros.core.estimate import RoomEstimate
-from room_layout_ros.core.estimator import LayoutEstimator
-from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
-from room_layout_ros.core.freespace import FreeSpace, free_space_of_frame
-from room_layout_ros.datasets.sample import Sample
-from room_layout_ros.datasets.synthetic import KINDS, KINECT, NOISES, SyntheticRoom, render
-from room_layout_ros.evaluation.free_space import (
+from benchmarks._free_space import (
     MOUNTS,
     FreeSpaceScore,
     found_things,
@@ -27,6 +19,14 @@ from room_layout_ros.evaluation.free_space import (
     true_free_space,
     views_of_walk,
 )
+from benchmarks._planes import Planes
+from room_layout_ros.core.config import EstimatorConfig
+from room_layout_ros.core.estimate import RoomEstimate
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
+from room_layout_ros.core.freespace import FreeSpace, free_space_of_frame
+from room_layout_ros.datasets.sample import Sample
+from room_layout_ros.datasets.synthetic import KINDS, KINECT, NOISES, SyntheticRoom, render
 
 ROOMS = 16
 SCENES = 8

@@ -10,6 +10,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks._frames import DATA, HD
+from benchmarks._free_space import (
+    FreeSpaceScore,
+    Mount,
+    random_views,
+    score_free_space,
+    true_free_space,
+)
 from benchmarks.free_space import SEED, SIZES_M, pooled, small_things
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
@@ -18,13 +25,6 @@ from room_layout_ros.core.freespace import free_space_of_frame
 from room_layout_ros.datasets import good_samples, open_folder
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import KINECT, NOISES, SyntheticRoom
-from room_layout_ros.evaluation.free_space import (
-    FreeSpaceScore,
-    Mount,
-    random_views,
-    score_free_space,
-    true_free_space,
-)
 from room_layout_ros.evaluation.measures import mean_iou, score_pixels
 from room_layout_ros.learning.working_sample import at_working_size
 

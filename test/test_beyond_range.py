@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks._free_space import MOUNTS, random_views
 from benchmarks.beyond_range import cut_off, view_along
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import FRONT_FACE, N_FACES
-from room_layout_ros.evaluation.free_space import MOUNTS, random_views
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ from furnished import GREY, empty
 from numpy.typing import NDArray
 from scenes import HALF, SMALL, ask, look
 
+from benchmarks._floor_width import floor_width
 from benchmarks.clutter import half_hidden_views, layout_errors
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
@@ -29,7 +30,6 @@ from room_layout_ros.datasets import good_samples, open_folder
 from room_layout_ros.datasets.sample import FrameTruth, Sample
 from room_layout_ros.datasets.synthetic import KINECT, SyntheticSource, camera_pose, render
 from room_layout_ros.datasets.synthetic.shapes import Solid
-from room_layout_ros.evaluation.floor_width import floor_width
 from room_layout_ros.evaluation.measures import score_pixels
 
 FLOOR_MAT = 20

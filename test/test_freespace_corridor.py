@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks._floor_width import floor_width
 from benchmarks.corridor_width import EMPTY, IN_VIEW, is_right, measure
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.freespace import FREE_CELL, compute_free_space
 from room_layout_ros.datasets import good_samples, open_folder
-from room_layout_ros.evaluation.floor_width import floor_width
 
 STEP = 7
 

@@ -9,11 +9,7 @@ import numpy as np
 import pytest
 from furnished import CONFIG, free_space_of
 
-from room_layout_ros.core.estimate import RoomEstimate
-from room_layout_ros.core.estimator import LayoutEstimator
-from room_layout_ros.datasets.sample import Sample
-from room_layout_ros.datasets.synthetic import KINECT, NOISES, SyntheticRoom, SyntheticSource, render
-from room_layout_ros.evaluation.free_space import (
+from benchmarks._free_space import (
     found_things,
     random_views,
     scene_with_small_things,
@@ -21,6 +17,10 @@ from room_layout_ros.evaluation.free_space import (
     true_free_space,
     views_of_walk,
 )
+from room_layout_ros.core.estimate import RoomEstimate
+from room_layout_ros.core.estimator import LayoutEstimator
+from room_layout_ros.datasets.sample import Sample
+from room_layout_ros.datasets.synthetic import KINECT, NOISES, SyntheticRoom, SyntheticSource, render
 from room_layout_ros.evaluation.geometry import plane_errors
 from room_layout_ros.evaluation.measures import best_wall_names, confusion
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks._free_space import MOUNTS, random_views, score_free_space, true_free_space
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimate import RoomEstimate
@@ -17,7 +18,6 @@ from room_layout_ros.core.freespace import free_space_of_frame
 from room_layout_ros.core.tracking import TemporalPrior
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import SyntheticRoom
-from room_layout_ros.evaluation.free_space import MOUNTS, random_views, score_free_space, true_free_space
 from room_layout_ros.floor_check import FloorCheck
 
 CONFIG = EstimatorConfig()

@@ -9,7 +9,6 @@ from naive_layout_search import naive_energies
 from room_layout_ros.core.integral_geometry import PairTables
 from room_layout_ros.core.layout_search import (
     add_unaries,
-    best_layouts,
     diverse_layouts,
     layout_energy,
     min_marginals,
@@ -38,19 +37,6 @@ def test_search_finds_the_minimum_in_two_hundred_random_cycles(rng: np.random.Ge
     for _ in range(200):
         tables = random_tables(rng, (4, 3, 4, 5))
         assert search_layout(tables).energy == pytest.approx(min(naive_energies(tables).values()), abs=1e-12)
-
-
-def test_best_layouts_are_the_first_of_the_sorted_list(tables: PairTables) -> None:
-    energies = sorted(naive_energies(tables).values())
-    found = best_layouts(tables, 40)
-    assert [r.energy for r in found] == pytest.approx(energies[:40], abs=1e-12)
-    assert len({r.layout for r in found}) == len(found)
-    assert [r.energy for r in found] == sorted(r.energy for r in found)
-
-
-def test_best_layouts_list_every_layout_once_when_asked_for_all(rng: np.random.Generator) -> None:
-    tables = random_tables(rng, (3, 3, 2, 4))
-    assert {r.layout for r in best_layouts(tables, 10_000)} == set(naive_energies(tables))
 
 
 def test_min_marginals_are_the_minima_over_the_other_rays(tables: PairTables) -> None:

@@ -1,7 +1,8 @@
 """The paper's Alg. 2: the mass of any per-pixel feature in each face of every layout (docs/method.md, section 7).
 
-The general form, one pass over the pixels for each feature, bins moved on from the neighbour's. The joint model uses
-`integral_geometry.pair_tables`, which gives the same numbers from the counts of atoms.
+The general form, one pass over the pixels for each feature, bins moved on from the neighbour's. It is here as the
+paper's own algorithm, which `python -m benchmarks accumulators` measures ours against; the estimate does not use it.
+The joint model has `integral_geometry.pair_tables`, which gives the same numbers from the counts of atoms.
 """
 
 from __future__ import annotations
@@ -18,9 +19,6 @@ from .ray_grid import N_QUADRANTS, RayGrid
 def accumulate(grid: RayGrid, feature: NDArray[np.float64]) -> tuple[PairTables, PairTables, PairTables]:
     """Return the mass of a per-pixel feature in the front, side and top part of every quadrant and pair (paper, Alg.
     2).
-
-    The general form for any feature image, one pass over the pixels each; the joint model uses `pair_tables`, which
-    gives the same numbers from the counts of atoms.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Exact search over layouts: the minimum, min-marginals and the M best of a 4-cycle (docs/method.md, section 8).
+"""Exact search over layouts: the minimum, min-marginals and good starts of a 4-cycle (docs/method.md, section 8).
 
 The cost of a layout (y1, y2, y3, y4) is P13 + P14 + P23 + P24, four pair tables (`integral_geometry.PairTables`, unary
 terms added in). For fixed (y1, y2) the best y3 and the best y4 are independent, so
@@ -8,7 +8,6 @@ is exact, in O(|Y|^3), and its minimum is the global one.
 
 from __future__ import annotations
 
-import heapq
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,38 +75,6 @@ def min_marginals(tables: PairTables) -> StateCosts:
     """Return, for each state of ceiling, floor, left and right ray, the least cost of a layout that has it."""
     over_walls, over_levels = _completed(*tables)
     return over_walls.min(axis=1), over_walls.min(axis=0), over_levels.min(axis=1), over_levels.min(axis=0)
-
-
-def best_layouts(tables: PairTables, count: int) -> list[RankedLayout]:
-    """Return the `count` layouts of least cost in order (fewer where there are fewer), exactly.
-
-    A best-first expansion: each (y1, y2) offers its layouts by rank of y3 and rank of y4.
-    """
-    table = complete(tables)
-    n2 = table.shape[1]
-    first = np.argsort(table, axis=None, kind="stable")[:count]  # only these pairs can hold one of the best
-    heap: list[tuple[float, int, int, int]] = [(float(table.flat[p]), int(p), 0, 0) for p in first]
-    heapq.heapify(heap)
-    orders: dict[int, tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp], NDArray[np.intp]]] = {}
-    result: list[RankedLayout] = []
-    seen: set[tuple[int, int, int]] = set()
-    while heap and len(result) < count:
-        _, pair, r3, r4 = heapq.heappop(heap)
-        if (pair, r3, r4) in seen:
-            continue
-        seen.add((pair, r3, r4))
-        i1, i2 = divmod(pair, n2)
-        if pair not in orders:
-            c3, c4 = tables[0][i1] + tables[2][i2], tables[1][i1] + tables[3][i2]
-            o3, o4 = np.argsort(c3, kind="stable"), np.argsort(c4, kind="stable")
-            orders[pair] = (c3[o3], c4[o4], o3, o4)
-        s3, s4, o3, o4 = orders[pair]
-        layout = (i1, i2, int(o3[r3]), int(o4[r4]))
-        result.append(RankedLayout(layout, layout_energy(tables, layout)))
-        for n3, n4 in ((r3 + 1, r4), (r3, r4 + 1)):
-            if n3 < len(s3) and n4 < len(s4):
-                heapq.heappush(heap, (float(s3[n3] + s4[n4]), pair, n3, n4))
-    return result
 
 
 def diverse_layouts(tables: PairTables, count: int, distance: int = 4) -> list[RankedLayout]:

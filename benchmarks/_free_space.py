@@ -32,9 +32,7 @@ from room_layout_ros.datasets.synthetic import (
 from room_layout_ros.datasets.synthetic.floor import is_free, rug_height
 from room_layout_ros.datasets.synthetic.raster import camera_rectangles, cast
 from room_layout_ros.datasets.synthetic.shapes import Material, Solid
-
-NEAR_M = 4.0
-"""Free space is scored up to this distance from the camera's foot."""
+from room_layout_ros.evaluation.floor_truth import NEAR_M, floor_in_sight
 
 MARGIN_M = 0.10
 CHECKED_M = (1.0, 3.0)
@@ -62,9 +60,7 @@ MOUNTS = {
 """Held by hand or on a tall robot; at the height of table tops; wide, on a vacuum cleaner; looking down steeply."""
 
 _FURNISHED: dict[str, Any] = {"small_objects": 12, "furniture": 0.6}
-_SAMPLES = 5
 _FINE_M = 0.005
-_FLAT_M = 0.02
 _STEPS = 21
 
 
@@ -118,16 +114,6 @@ class FreeSpaceScore:
     def iou(self) -> float:
         """Of this frame; NaN where nothing is free."""
         return ratio(self.pool)
-
-    @property
-    def iou_plain(self) -> float:
-        """Of this frame, no margin in the truth."""
-        return ratio(self.pool_plain)
-
-    @property
-    def iou_measured(self) -> float:
-        """Of this frame, cells without depth left out."""
-        return ratio(self.pool_measured)
 
 
 def ratio(pool: Sequence[int] | NDArray[np.int64]) -> float:
@@ -218,42 +204,6 @@ def score_free_space(truth: TrueFreeSpace, free_space: FreeSpace | None) -> Free
 def _ros_order(cells: NDArray[Any]) -> NDArray[Any]:
     """Turn (forward, right) into (left, forward), the order of OccupancyGrid."""
     return np.ascontiguousarray(cells.T[::-1])
-
-
-def floor_in_sight(
-    sample: Sample, pose: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], size: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the shares of each cell's floor that are in sight, and in sight with a measurement.
-
-    Parameters
-    ----------
-    sample : rendered, with its true depth. pose : (4, 4) T_world_camera.
-    x, y : float64 arrays of one shape; cell centres ahead and to the left of the camera's foot. size : of a cell.
-    """
-    assert sample.truth is not None
-    assert sample.truth.depth_m is not None
-    camera, true_depth, sensed = sample.frame.camera, sample.truth.depth_m, sample.frame.depth_m
-    forward = pose[:2, 2] / np.linalg.norm(pose[:2, 2])
-    left = np.array([-forward[1], forward[0]])
-    seen, measured = np.zeros(x.shape), np.zeros(x.shape)
-    offsets = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5) * size
-    for dx in offsets:
-        for dy in offsets:
-            on_floor = [pose[k, 3] + (x + dx) * forward[k] + (y + dy) * left[k] for k in range(2)]
-            world = np.stack([*on_floor, np.zeros_like(x)], axis=-1)
-            point = (world - pose[:3, 3]) @ pose[:3, :3]
-            z = np.maximum(point[..., 2], 1e-3)
-            u = np.rint(point[..., 0] / z * camera.fx + camera.cx).astype(int)
-            v = np.rint(point[..., 1] / z * camera.fy + camera.cy).astype(int)
-            within = (point[..., 2] > 0.05) & (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
-            u, v = np.clip(u, 0, camera.width - 1), np.clip(v, 0, camera.height - 1)
-            # A pixel covers Z^2 / (f h) of the floor along the ray; a rug is seen before it by Z flat / h.
-            slack = (0.5 * z / camera.fy + _FLAT_M) * z / pose[2, 3]
-            there = within & (np.abs(true_depth[v, u] - z) < slack)
-            seen += there
-            if sensed is not None:
-                measured += there & np.isfinite(sensed[v, u])
-    return seen / _SAMPLES**2, measured / _SAMPLES**2
 
 
 def random_views(
