@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from msg_adapters.text import clean_text
 
 from .core.floor.floor_plane import FloorPlane
-from .node_config import FindTransform, NodeConfig, parse_pose
+from .node_config import FindTransform, NodeConfig, down_in_camera, parse_pose
 from .runtime.session import RefusedError
 
 _STANDARD_GRAVITY = 9.80665
@@ -133,9 +133,8 @@ def _no_height(node: NodeConfig, source: str) -> str:
 
 
 def _from_parameters(node: NodeConfig) -> FloorPlane:
-    pitch, roll = np.deg2rad(node.camera_pitch_deg), np.deg2rad(node.camera_roll_deg)
-    down = np.array([np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll), np.sin(pitch)])
-    return FloorPlane(_unit(down), node.camera_height or float("nan"), "parameters")
+    down = down_in_camera(node.camera_pitch_deg, node.camera_roll_deg)
+    return FloorPlane(down, node.camera_height or float("nan"), "parameters")
 
 
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -157,6 +157,14 @@ def parse_pose(text: str) -> NDArray[np.float64]:
     return pose
 
 
+def down_in_camera(pitch_deg: float, roll_deg: float) -> NDArray[np.float64]:
+    """Return (3,) the unit vector down in the frame of a camera that looks down and leans to its right by angles."""
+    pitch, roll = np.deg2rad(pitch_deg), np.deg2rad(roll_deg)
+    down = np.array([np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll), np.sin(pitch)])
+    unit: NDArray[np.float64] = down / np.linalg.norm(down)
+    return unit
+
+
 TABLES = (("estimator", EstimatorConfig), ("node", NodeConfig))
 _WIDTH = 116
 

@@ -120,7 +120,7 @@ def test_the_milliseconds_of_a_line_are_the_wall_time(walk: Path, monkeypatch: p
     estimate = LayoutEstimator().estimate(sample.frame)
 
     class Slow:
-        def estimate(self, frame: object) -> object:
+        def estimate(self, frame: object, prior: object = None) -> object:
             time.sleep(0.02)
             return replace(estimate, timings_ms=dict.fromkeys(estimate.timings_ms, 1e6))
 

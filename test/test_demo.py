@@ -299,11 +299,11 @@ def test_the_node_is_told_to_do_without_a_stream_that_is_not_there(
     assert room_layout(["convert", str(made / "input"), str(frames)]) == 0
     shutil.rmtree(frames / missing if missing else tmp_path / "none", ignore_errors=True)
     assert room_layout(["convert", str(frames), str(bag), "--to", "bag"]) == 0
-    played, words = demo_live.streams(bag)
+    words = demo_live.node_words(bag, {})
     assert words == settings
-    assert len(played) == (2 if missing else 3)
+    assert len(demo_live._played(bag)) == (2 if missing else 3)
     by_hand = " ".join(["estimator", *settings])
-    first, *_ = demo._by_hand(bag)
+    first, *_ = demo._by_hand(bag, words, {})
     assert first.split("        # or: ") == [f"ros2 run room_layout_ros {by_hand}", by_hand], "on the page too"
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from room_layout_ros.commands.camera_pose import UPRIGHT, CameraPose, add_pose_arguments, pose_of, refuse_pose
 from room_layout_ros.commands.compiling import told_first
 from room_layout_ros.commands.counts import real
 from room_layout_ros.commands.dashboard_ears import SETTLE_S, Ears
@@ -46,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--loop", action="store_true", help="start again at the end of the input")
     parser.add_argument("--seconds", type=real(0), metavar="S", help="end after this time (default: Ctrl-C)")
     parser.add_argument("--node", metavar="NAME", help=f"node to listen to (default {_NODE})")
+    add_pose_arguments(parser)
     add_topic_arguments(parser)
 
 
@@ -55,6 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise DataError(f"--port is {arguments.port}; allowed is 0 to 65535")
     if arguments.input is None:
         refuse_bag_options(arguments, "and without INPUT the page listens to the node")
+        refuse_pose(arguments, "and without INPUT the page listens to the node, which has its parameters")
     elif arguments.node is not None:
         raise DataError(f"--node {arguments.node} is for the page without INPUT, and {arguments.input} is given")
     node = _NODE if arguments.node is None else arguments.node
@@ -67,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         if source is None:
             listen("room_layout_dashboard", Ears(board, node).listeners(), end)
         else:
-            show_source(board, source, end, arguments.loop)
+            show_source(board, source, end, arguments.loop, pose_of(arguments))
             while time.monotonic() < end:  # the last room stays on show
                 time.sleep(min(0.2, max(0.0, end - time.monotonic())))
     except KeyboardInterrupt:
@@ -80,8 +83,10 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def show_source(board: Board, source: FrameSource, end: float, loop: bool = False) -> None:
+def show_source(board: Board, source: FrameSource, end: float, loop: bool = False, pose: CameraPose = UPRIGHT) -> None:
     """Estimate the frames in the time of their stamps, or as fast as it goes, and show each.
+
+    `pose` : how the camera of all of them hangs.
 
     Raises
     ------
@@ -100,7 +105,7 @@ def show_source(board: Board, source: FrameSource, end: float, loop: bool = Fals
             due = begun + (frame.stamp_ns - first_ns) * 1e-9
             time.sleep(min(max(0.0, due - time.monotonic()), _LONGEST_WAIT_S))
             start = time.perf_counter()
-            estimate = estimator.estimate(frame, prior)
+            estimate = pose.estimate(estimator, frame, prior)
             milliseconds = 1e3 * (time.perf_counter() - start)
             prior = next_prior(estimate)
             board.show(room_of(frame, estimate, estimator.config, milliseconds))

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -20,8 +21,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from room_layout_ros.commands.camera_pose import add_pose_arguments, given_angles, pose_of, refuse_pose
 from room_layout_ros.commands.counts import count, real, seed
-from room_layout_ros.commands.demo_live import run_live, streams
+from room_layout_ros.commands.demo_live import node_words, run_live
 from room_layout_ros.commands.demo_offline import run_offline
 from room_layout_ros.commands.demo_page import DemoFacts, demo_html
 from room_layout_ros.commands.demo_pictures import (
@@ -82,6 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="play at this multiple of real time (default: as fast as all are estimated)",
     )
     parser.add_argument("--no-node", action="store_true", help="leave out ROS: no node, no DDS")
+    add_pose_arguments(parser)
     add_topic_arguments(parser)
 
 
@@ -101,19 +104,22 @@ def run(arguments: argparse.Namespace) -> int:
     _say(f"{'render a room' if arguments.input is None else 'read the frames'}, write a bag")
     doubts = DepthDoubts(EstimatorConfig())
     look, left_out = _write_bag(source, bag, arguments.frames, doubts)
+    pose = given_angles(arguments)
+    words = node_words(bag, pose)
     if live:
         _say(f"play {len(look)} frames into the node and record what it publishes ({_FIRST_TIME})")
-        mcap, notes = run_live(bag, out, sorted(look), arguments.rate)
+        mcap, notes = run_live(bag, out, sorted(look), arguments.rate, words)
     else:
         _say(f"estimate {len(look)} frames ({_FIRST_TIME})")
         with progress_bar("estimate", len(look)) as progress:
-            mcap = run_offline(open_source(bag), out / "results", progress, doubts)
+            mcap = run_offline(open_source(bag), out / "results", progress, doubts, pose_of(arguments))
         notes = ()
     _say("draw the pictures and write the page")
     recording = read_recording(mcap)
     without = "" if live else "--no-node was given" if arguments.no_node else _NO_ROS
     odd = (*left_out, *doubts.sentences(), *recording.doubts)
-    made = _show(out, source, look, recording, mcap, bag, without, (*odd, *notes))
+    commands = _by_hand(bag, words, pose)
+    made = _show(out, source, look, recording, mcap, bag, without, (*odd, *notes), commands)
     for sentence in odd:
         _say(sentence)
     print("\n".join(str(path) for path in made))
@@ -133,6 +139,7 @@ def ros_is_here() -> bool:
 def _check(arguments: argparse.Namespace) -> None:
     if arguments.input is None:
         refuse_bag_options(arguments, "and without --input a room is rendered")
+        refuse_pose(arguments, "and without --input a room is rendered")
     for module, extra in (("rosbags", "playback"), ("PIL", "viz")):
         if importlib.util.find_spec(module) is None:
             raise DataError(f"the demo needs {module}: {install_hint(extra)}")
@@ -220,7 +227,7 @@ def _seen(sample: Sample) -> _Seen:
 
 def _show(
     out: Path, source: FrameSource, look: dict[int, _Seen], recording: Recording, mcap: Path, bag: Path, without: str,
-    notes: tuple[str, ...],
+    notes: tuple[str, ...], commands: list[str],
 ) -> list[Path]:  # fmt: skip
     """Write pictures and page; return the paths, the page last."""
     stamps = [stamp for stamp in sorted(look) if stamp in recording.overlay]
@@ -246,7 +253,7 @@ def _show(
         floors=Path("free-space.png") if floors else None,
         mcap=mcap.relative_to(out),
         bag=bag.relative_to(out),
-        commands=_by_hand(bag),
+        commands=commands,
         notes=notes,
     )
     page = out / "index.html"
@@ -288,10 +295,11 @@ def _cards(look: dict[int, _Seen], recording: Recording, stamps: list[int]) -> l
     return cards
 
 
-def _by_hand(bag: Path) -> list[str]:
-    words = " ".join(["estimator", *streams(bag)[1]])
+def _by_hand(bag: Path, words: list[str], pose: Mapping[str, float]) -> list[str]:
+    node = " ".join(["estimator", *words])
+    options = "".join(f" --{name.replace('_', '-')} {value:g}" for name, value in pose.items())
     return [
-        f"ros2 run room_layout_ros {words}        # or: {words}",
+        f"ros2 run room_layout_ros {node}        # or: {node}",
         f"room-layout play {bag}",
-        f"room-layout estimate {bag} --out estimates --overlay",
+        f"room-layout estimate {bag} --out estimates --overlay{options}",
     ]

@@ -67,7 +67,9 @@ class Process:
             self.popen.wait()
 
 
-def run_live(bag: Path, out: Path, stamps_ns: Sequence[int], rate: float | None) -> tuple[Path, tuple[str, ...]]:
+def run_live(
+    bag: Path, out: Path, stamps_ns: Sequence[int], rate: float | None, settings: Sequence[str] = ()
+) -> tuple[Path, tuple[str, ...]]:
     """Play a bag into the node and record what it publishes.
 
     Parameters
@@ -80,6 +82,8 @@ def run_live(bag: Path, out: Path, stamps_ns: Sequence[int], rate: float | None)
         Of the frames in the bag.
     rate : float or None
         Multiple of real time; None is slow enough for every frame to be estimated.
+    settings : sequence of str
+        Words for the node, see `node_words`.
 
     Returns
     -------
@@ -103,7 +107,7 @@ def run_live(bag: Path, out: Path, stamps_ns: Sequence[int], rate: float | None)
         recorder = start(
             "recorder", ["-m", "room_layout_ros.recording", *recorded_topics(), "--out", str(results)], environment, log
         )
-        played, settings = streams(bag)
+        played = _played(bag)
         node = start("estimator", ["-m", "room_layout_ros.node", *settings], environment, log)
         words = ["--rate", f"{speed:.3f}", "--wait-for-subscribers", "1", "--wait-timeout", f"{START_S:g}"]
         words += ["--topics", *played]
@@ -115,14 +119,21 @@ def run_live(bag: Path, out: Path, stamps_ns: Sequence[int], rate: float | None)
     return _recorded(results, recorder), _notes(recorder, len(stamps_ns), speed)
 
 
-def streams(bag: Path) -> tuple[list[str], list[str]]:
-    """Return the topics to play, and the words that let the node do without a stream that the bag has not."""
+def _played(bag: Path) -> list[str]:
+    """Return the topics to play."""
     with open_reader(bag) as reader:
         there = {connection.topic for connection in reader.connections}
-    played = [topic for topic in (COLOR_TOPIC, COLOR_INFO_TOPIC, DEPTH_TOPIC) if topic in there]
+    return [topic for topic in (COLOR_TOPIC, COLOR_INFO_TOPIC, DEPTH_TOPIC) if topic in there]
+
+
+def node_words(bag: Path, pose: Mapping[str, float]) -> list[str]:
+    """Return the words that let the node do without a stream that the bag has not, and know how the camera hangs."""
     uses = {"use_color": COLOR_TOPIC, "use_depth": DEPTH_TOPIC}
-    settings = [word for name, topic in uses.items() if topic not in there for word in ("-p", f"{name}:=false")]
-    return played, ["--ros-args", *settings] if settings else []
+    there = _played(bag)
+    settings = [f"{name}:=false" for name, topic in uses.items() if topic not in there]
+    settings += ["pose_source:=parameters", *(f"{name}:={value}" for name, value in pose.items())] if pose else []
+    words = [word for setting in settings for word in ("-p", setting)]
+    return ["--ros-args", *words] if words else []
 
 
 def recorded_topics() -> list[str]:

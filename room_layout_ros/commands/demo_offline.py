@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from room_layout_ros.commands.camera_pose import UPRIGHT, CameraPose
 from room_layout_ros.commands.depth_doubts import DepthDoubts
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimate import RoomEstimate
@@ -32,7 +33,13 @@ MARKERS = "visualization_msgs/msg/MarkerArray"
 _LINE_STRIP = 4
 
 
-def run_offline(source: FrameSource, out: Path, progress: Callable[[int], object], doubts: DepthDoubts) -> Path:
+def run_offline(
+    source: FrameSource,
+    out: Path,
+    progress: Callable[[int], object],
+    doubts: DepthDoubts,
+    pose: CameraPose = UPRIGHT,
+) -> Path:
     """Estimate every frame in order, with warm starts as the node has them, and write an MCAP.
 
     Parameters
@@ -44,6 +51,8 @@ def run_offline(source: FrameSource, out: Path, progress: Callable[[int], object
         Called with the number of frames so far.
     doubts : DepthDoubts
         Gets the scale of each room.
+    pose : CameraPose
+        How the camera of all frames hangs.
 
     Returns
     -------
@@ -56,7 +65,7 @@ def run_offline(source: FrameSource, out: Path, progress: Callable[[int], object
     connections: dict[str, Any] = {}
     with Writer(out, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         for count, sample in enumerate(good_samples(source), 1):
-            estimate = estimator.estimate(sample.frame, prior)
+            estimate = pose.estimate(estimator, sample.frame, prior)
             prior = next_prior(estimate)
             doubts.weigh(measure_scale(sample.frame, estimate))
             for topic, kind, raw in _messages(sample.frame, estimate, estimator.config):

@@ -25,6 +25,7 @@ from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 
+from room_layout_ros.commands.camera_pose import add_pose_arguments, pose_of
 from room_layout_ros.commands.compiling import told_first
 from room_layout_ros.commands.counts import add_work_arguments, count
 from room_layout_ros.commands.depth_doubts import DepthDoubts
@@ -58,6 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_work_arguments(parser)
     add_models_argument(parser)
     add_recover_argument(parser)
+    add_pose_arguments(parser)
     add_topic_arguments(parser)
 
 
@@ -65,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Estimate every frame of the input."""
     config = parse_settings(arguments.set, arguments.rgb_only, joint_bound=True)  # nobody waits: it may be proved, too
     models = usable_models(arguments.models, config)
-    job = FrameJob(config, arguments.rgb_only, arguments.overlay, models)
+    job = FrameJob(config, arguments.rgb_only, arguments.overlay, models, pose_of(arguments))
     source = open_with_topics(arguments.input, arguments, arguments.recover)
     refuse_frames("--out", arguments.out, arguments.input)
     with held_alone("--out", arguments.out):

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from room_layout_ros.commands.camera_pose import UPRIGHT, CameraPose
 from room_layout_ros.commands.depth_doubts import DepthSeen, see_depth
 from room_layout_ros.commands.estimator_options import prepared
 from room_layout_ros.core.config import EstimatorConfig
@@ -28,12 +29,16 @@ from room_layout_ros.datasets.images import encode_image
 
 @dataclass(frozen=True, slots=True)
 class FrameJob:
-    """What to do with every frame. `models` : folder of the learned models; None are the shipped ones."""
+    """What to do with every frame.
+
+    `models` : folder of the learned models; None are the shipped ones. `pose` : of the camera.
+    """
 
     config: EstimatorConfig
     rgb_only: bool = False
     overlay: bool = False
     models: Path | None = None
+    pose: CameraPose = UPRIGHT
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +58,7 @@ def estimate_item(job: FrameJob, item: Sample | BadFrame) -> FrameResult:
     try:
         frame = prepared(frame, job.rgb_only)
         estimator, start = _estimator(job.config, job.models), time.perf_counter()
-        estimate = estimator.estimate(frame)
+        estimate = job.pose.estimate(estimator, frame)
         milliseconds = 1e3 * (time.perf_counter() - start)
         seen = see_depth(frame, job.config, estimate)
         return FrameResult(_line(frame.name, estimate, milliseconds), _files(job, frame, estimate), seen)

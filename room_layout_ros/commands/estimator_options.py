@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
+from room_layout_ros.commands.camera_pose import POSE
 from room_layout_ros.core.config import EstimatorConfig, Value, nearest_name, parameters
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.datasets import DataError
@@ -43,7 +44,8 @@ def parse_settings(settings: Sequence[str], rgb_only: bool = False, **defaults: 
             raise DataError(f"--set {setting}: NAME=VALUE with a parameter of the estimator is needed")
         if name not in table:
             if name in {parameter.name for parameter in parameters(NodeConfig)}:
-                raise DataError(f"--set {setting}: {name} is a parameter of the node, not of the estimator")
+                option = f"; estimate, demo and dashboard have --{name.replace('_', '-')}" if name in POSE else ""
+                raise DataError(f"--set {setting}: {name} is a parameter of the node, not of the estimator{option}")
             hint = nearest_name(name, table, "docs/parameters.md has all of them")
             raise DataError(f"--set {setting}: the estimator has no parameter {name}; {hint}")
         try:

@@ -1,7 +1,8 @@
 """Look at a frame: colour, depth, superpixels, lines, evidence, labels, layout, and the room from above.
 
 Writes a PNG, of all stages or of one (--stage), or opens the Rerun viewer on all frames (--interactive),
-or writes a recording for it (--rrd FILE).
+or writes a recording for it (--rrd FILE). Frames of a camera that hangs on its side or upside down (--camera-roll-deg)
+are drawn upright.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from room_layout_ros.commands.camera_pose import add_pose_arguments, pose_of
 from room_layout_ros.commands.compiling import tell_if_compiling, told_first
 from room_layout_ros.commands.counts import count
 from room_layout_ros.commands.depth_doubts import DepthDoubts, see_depth
@@ -44,6 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--limit", type=count, default=300, metavar="N", help="most frames for the viewer (default %(default)s)"
     )
+    add_pose_arguments(parser, pitch=False)
     add_topic_arguments(parser)
 
 
@@ -61,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.out is not None:
         make_folder("--out", arguments.out.parent)
     tell_if_compiling(config, arguments.rgb_only)
-    look = look_at(prepared(frame, arguments.rgb_only), LayoutEstimator(config))
+    look = look_at(_upright(frame, arguments), LayoutEstimator(config))
     doubts = DepthDoubts(config, arguments.rgb_only)
     doubts.add(see_depth(look.frame, config, look.estimate))
     image = draw_all(look) if arguments.stage is None else draw_stage(arguments.stage, look)
@@ -75,6 +78,11 @@ def run(arguments: argparse.Namespace) -> int:
     print(out)
     doubts.tell()
     return 0
+
+
+def _upright(frame: RgbdFrame, arguments: argparse.Namespace) -> RgbdFrame:
+    """Return the frame as it is estimated and drawn: turned by quarters where the camera is said to hang so."""
+    return pose_of(arguments).turn.frame(prepared(frame, arguments.rgb_only))
 
 
 def _refuse_two_ways(arguments: argparse.Namespace) -> None:
@@ -140,7 +148,7 @@ def _to_viewer(arguments: argparse.Namespace, source: FrameSource, config: Estim
                 if one:
                     raise DataError(f"frame {item.name} cannot be used: {item.error}")
                 continue
-            frame = prepared(item.frame, arguments.rgb_only)
+            frame = _upright(item.frame, arguments)
             if arguments.rrd is not None:
                 make_folder("--rrd", arguments.rrd.parent)
             log = log or (RerunLog.to_viewer() if arguments.rrd is None else RerunLog.to_file(arguments.rrd))
