@@ -11,8 +11,14 @@ from room_layout_ros.commands.output_folder import make_folder, remove_files
 from room_layout_ros.datasets import DataError
 
 LINES = "estimates.jsonl"
-SUFFIXES = {"layout": ".png", "labels": ".png", "furniture": ".png", "overlay": ".jpg"}
+Suffixes = Mapping[str, tuple[str, ...]]
 """Folders of images and how their files end."""
+
+SUFFIXES: Suffixes = {
+    **dict.fromkeys(("layout", "labels", "furniture"), (".png",)),
+    "overlay": (".jpg",),
+    "free_space": (".png", ".yaml"),
+}
 
 
 class _HasLine(Protocol):
@@ -38,9 +44,7 @@ def until_usable(results: Iterator[_Result], check: Callable[[], None] = lambda:
     return first, False
 
 
-def earlier_files(
-    out: Path, lines: str = LINES, suffixes: Mapping[str, str] = SUFFIXES, what: str = "estimate"
-) -> list[Path]:
+def earlier_files(out: Path, lines: str = LINES, suffixes: Suffixes = SUFFIXES, what: str = "estimate") -> list[Path]:
     """Return the images of the frames that the folder's list of an earlier run names.
 
     Parameters
@@ -54,7 +58,8 @@ def earlier_files(
         When the folders of images hold others too, or a line names no frame.
     """
     named = list(_names(out / lines, what))
-    files = {out / kind / f"{name}{suffix}" for name in named for kind, suffix in suffixes.items()}
+    ends = [(kind, suffix) for kind, those in suffixes.items() for suffix in those]
+    files = {out / kind / f"{name}{suffix}" for name in named for kind, suffix in ends}
     for kind in suffixes:
         there = sorted((out / kind).iterdir()) if (out / kind).is_dir() else []
         for path in there:
@@ -65,12 +70,12 @@ def earlier_files(
     return sorted(file for file in files if file.exists())
 
 
-def replace_earlier(out: Path, earlier: Iterable[Path], suffixes: Mapping[str, str], overlay: bool) -> None:
-    """Make the folders of images, that of overlays if wanted, and remove the files of an earlier run."""
-    for kind in suffixes:
-        if overlay or kind != "overlay":
+def replace_earlier(out: Path, earlier: Iterable[Path], wanted: Mapping[str, bool]) -> None:
+    """Make the folders of images that are wanted, and remove the files of an earlier run."""
+    for kind, is_wanted in wanted.items():
+        if is_wanted:
             make_folder("--out", out / kind)
-    remove_files(earlier, () if overlay else (out / "overlay",))
+    remove_files(earlier, (out / kind for kind, is_wanted in wanted.items() if not is_wanted))
 
 
 def _names(listing: Path, what: str) -> Iterator[str]:

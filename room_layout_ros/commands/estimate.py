@@ -5,6 +5,7 @@ DIR gets, for every frame NAME:
   labels/NAME.png     what is seen: the same, 6 clutter, 0 unknown
   furniture/NAME.png  NYU40 class on clutter, 0 elsewhere
   overlay/NAME.jpg    a picture for people (with --overlay)
+  free_space/NAME.png, NAME.yaml   where a robot can drive, as a map for Nav2 (with --free-space); none without floor
   estimates.jsonl     a line a frame: status, confidences, axes, planes, polygons, milliseconds
 A frame that cannot be used gets a line with its error. Lines come as the frames are done, each after its images, so
 a run that ends early leaves what it has done. Exit code 0 when every frame has its line, 2 on bad input: also where
@@ -56,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--limit", type=count, metavar="N", help="no more than the first N frames")
     add_estimator_options(parser)
     parser.add_argument("--overlay", action="store_true", help="write overlay pictures too")
+    parser.add_argument("--free-space", action="store_true", help="write where a robot can drive, as maps for Nav2")
     add_work_arguments(parser)
     add_models_argument(parser)
     add_recover_argument(parser)
@@ -67,7 +69,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Estimate every frame of the input."""
     config = parse_settings(arguments.set, arguments.rgb_only, joint_bound=True)  # nobody waits: it may be proved, too
     models = usable_models(arguments.models, config)
-    job = FrameJob(config, arguments.rgb_only, arguments.overlay, models, pose_of(arguments))
+    if arguments.free_space and (arguments.rgb_only or not config.use_depth):
+        raise DataError("--free-space needs depth, and it is left unused (--rgb-only, or use_depth is false)")
+    job = FrameJob(config, arguments.rgb_only, arguments.overlay, models, pose_of(arguments), arguments.free_space)
     source = open_with_topics(arguments.input, arguments, arguments.recover)
     refuse_frames("--out", arguments.out, arguments.input)
     with held_alone("--out", arguments.out):
@@ -76,7 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _estimate(arguments: argparse.Namespace, job: FrameJob, source: FrameSource) -> int:
     earlier = earlier_files(arguments.out)
-    begin = partial(replace_earlier, arguments.out, earlier, SUFFIXES, arguments.overlay)
+    wanted = dict.fromkeys(SUFFIXES, True) | {"overlay": job.overlay, "free_space": job.free_space}
+    begin = partial(replace_earlier, arguments.out, earlier, wanted)
     doubts = DepthDoubts(job.config, job.rgb_only)
     work, items, written = partial(estimate_item, job), ReadablePart(source), _Written(arguments.out, doubts)
     length = source.length

@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 from room_layout_ros.commands.camera_pose import UPRIGHT, CameraPose
 from room_layout_ros.commands.depth_doubts import DepthSeen, see_depth
 from room_layout_ros.commands.estimator_options import prepared
+from room_layout_ros.commands.free_space_map import map_files
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.estimate import RoomEstimate
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.frame import RgbdFrame
+from room_layout_ros.core.freespace import free_space_of_frame
 from room_layout_ros.core.labels import FACES, LABEL_NAMES
 from room_layout_ros.core.layout import FacePolygon
 from room_layout_ros.datasets import BadFrame, DataError, Sample
@@ -39,6 +41,7 @@ class FrameJob:
     overlay: bool = False
     models: Path | None = None
     pose: CameraPose = UPRIGHT
+    free_space: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +96,8 @@ def _files(job: FrameJob, frame: RgbdFrame, estimate: RoomEstimate) -> dict[str,
         from room_layout_ros.core.picture import draw_overlay
 
         files[f"overlay/{frame.name}.jpg"] = encode_image(".jpg", draw_overlay(frame, estimate))
+    if job.free_space and (space := free_space_of_frame(frame, estimate, job.config)) is not None:
+        files |= {f"free_space/{frame.name}{end}": content for end, content in map_files(frame.name, space).items()}
     return files
 
 

@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_work_arguments(parser)
 
 
-SUFFIXES = {"layout": ".png", "rejected": ".png", "overlay": ".jpg"}
+SUFFIXES = {"layout": (".png",), "rejected": (".png",), "overlay": (".jpg",)}
 """Folders of images and how their files end."""
 
 _HELP_QUALITY = (
@@ -76,7 +76,11 @@ def _fit(arguments: argparse.Namespace, job: FitJob, source: FrameSource) -> int
     with progress_bar("fit", source.length) as progress:
         work, items = partial(fit_item, job), frames_apart(source)
         results = map_ordered(work, items, arguments.jobs, arguments.scheduler, progress, lost_result)
-        lines = _write(out, results, partial(replace_earlier, out, earlier, SUFFIXES, job.overlay))
+        lines = _write(
+            out,
+            results,
+            partial(replace_earlier, out, earlier, dict.fromkeys(SUFFIXES, True) | {"overlay": job.overlay}),
+        )
     if not lines:
         raise DataError(f"{source.title} holds no frame")
     if all("error" in line for line in lines):
