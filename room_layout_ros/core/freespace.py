@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from .config import EstimatorConfig
 from .depth import DepthGeometry, compute_depth_geometry
 from .estimate import RoomEstimate
+from .floor.dark_things import hide_below_dark_things
 from .floor.depth_holes import close_holes
 from .floor.doorways import see_walls
 from .floor.floor_cells import (
@@ -162,7 +163,8 @@ def _of_upright(
 class _Measured:
     """What the depth says: floor, walls of the cuboid (n, 4), those that end the room, and sums over the cells.
 
-    `geometry` : with the slow error taken off, holes in things closed and things on their planes.
+    `geometry` : with the slow error taken off, holes in things closed and things on their planes. `hole_kind` : of
+    `close_holes`.
     """
 
     geometry: DepthGeometry
@@ -171,6 +173,7 @@ class _Measured:
     walls: NDArray[np.float64]
     barriers: NDArray[np.float64]
     cells: FloorCells
+    hole_kind: NDArray[np.uint8]
 
 
 def _measure(
@@ -195,7 +198,7 @@ def _measure(
     walls = refine_walls(closed, estimate, T_camera_floor, walls)
     barriers = walls[:0] if config.free_beyond_walls else walls
     cells = sum_floor_cells(closed, holes.kind, estimate.labels, fit, T_camera_floor, walls, config)
-    return _Measured(closed, fit, T_camera_floor, walls, barriers, cells)
+    return _Measured(closed, fit, T_camera_floor, walls, barriers, cells, holes.kind)
 
 
 def _decide(
@@ -213,6 +216,7 @@ def _decide(
     hide_above_picture(grid, camera, T, corner, config.free_seen_height_m)
     hide_overhung(grid, inverse_depth, cells.kind, camera, T, corner, config.robot_height_m, margin)
     hide_below_level_things(grid, inverse_depth, cells.kind, estimate.labels, cells.cell, camera, T, corner)
+    hide_below_dark_things(grid, inverse_depth, seen.hole_kind, cells.kind, color, camera, T, corner, margin)
     return grid, thing
 
 
