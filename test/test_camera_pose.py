@@ -148,7 +148,7 @@ def test_the_demo_and_the_dashboard_are_told_too(tmp_path: Path, told: list[Came
         ),
         (
             ["estimate", "x", "--out", "y", "--set", "camera_roll_deg=90"],
-            "estimate, demo and dashboard have --camera-roll",
+            "the option is --camera-roll",
         ),
     ),
 )

@@ -608,6 +608,23 @@ def test_depth_in_png_is_read_where_no_other_is(tmp_path: Path) -> None:
         assert source.topics.depth == f"{ALIGNED}{others[0]}"
 
 
+def test_depth_in_png_is_read_though_the_first_image_is_damaged(tmp_path: Path) -> None:
+    picture = encode_image(".png", np.full((48, 64), 2000, np.uint16))
+    items = []
+    for stamp, content in ((1, picture[:60]), (2 * 10**9, picture)):
+        depth = compressed(content, "16UC1; png compressed ", stamp)
+        items += [
+            ("/camera/color/camera_info", INFO, stamp, info_at(stamp)),
+            ("/camera/color/image_raw", IMAGE, stamp, color_at(stamp)),
+            (f"{ALIGNED}/compressed", messages.COMPRESSED, stamp, depth),
+        ]
+    source = open_source(write_raw(tmp_path / "bag", items))
+    assert isinstance(source, BagSource)
+    assert source.topics.depth == f"{ALIGNED}/compressed"
+    (sample,) = good_samples(source)
+    assert sample.frame.stamp_ns == 2 * 10**9
+
+
 def test_a_jpeg_of_depth_is_passed_over_with_a_word(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bag = with_depth_as_picture(tmp_path / "jpg", ".jpg")
     (sample,) = good_samples(open_and_tell(bag))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from room_layout_ros.core import freespace
 from room_layout_ros.core.freespace import FREE_CELL, FreeSpace
+from room_layout_ros.core.labels import CLUTTER, FLOOR
 from room_layout_ros.datasets.synthetic import KINECT, KINECT_NOISE, NOISES, camera_pose, render
 from room_layout_ros.outputs import OUTPUTS
 
@@ -133,6 +134,23 @@ def test_no_point_of_the_floor_cloud_lies_behind_floor_without_depth(with_pictur
     floor = on_floor(seen.floor, pose, 1) - pose[:2, 3]
     towards = np.abs(np.arctan2(floor[:, 1], floor[:, 0])) < np.arctan2(40.0, KINECT.fx)
     assert np.linalg.norm(floor[towards], axis=1).max() < 2.0
+    assert np.linalg.norm(floor[~towards], axis=1).max() > 2.5
+
+
+def test_in_the_dark_no_point_of_the_floor_cloud_lies_behind_a_thing_without_depth() -> None:
+    """A box of 10 cm, labelled floor: that it stands there the dark picture does not show."""
+    pose = camera_pose(-1.4, 0.0, 1.0, 0.0, -0.35)
+    sample = render(empty(box(0.0, 0.0, 0.1, 0.1)), KINECT, pose)
+    estimate, depth_m = with_truth(sample), sample.frame.depth_m
+    assert depth_m is not None
+    assert sample.frame.color is not None
+    thing = estimate.labels == CLUTTER
+    assert thing.sum() > 500
+    dark = replace(sample.frame, depth_m=np.where(thing, np.float32(np.nan), depth_m), color=sample.frame.color // 8)
+    seen = free_space_of(dark, replace(estimate, labels=np.where(thing, np.uint8(FLOOR), estimate.labels)))
+    floor = on_floor(seen.floor, pose, 1) - pose[:2, 3]
+    towards = np.abs(np.arctan2(floor[:, 1], floor[:, 0])) < np.arctan2(0.03, 1.4)
+    assert np.linalg.norm(floor[towards], axis=1).max() < 1.45
     assert np.linalg.norm(floor[~towards], axis=1).max() > 2.5
 
 

@@ -44,7 +44,7 @@ def parse_settings(settings: Sequence[str], rgb_only: bool = False, **defaults: 
             raise DataError(f"--set {setting}: NAME=VALUE with a parameter of the estimator is needed")
         if name not in table:
             if name in {parameter.name for parameter in parameters(NodeConfig)}:
-                option = f"; estimate, demo and dashboard have --{name.replace('_', '-')}" if name in POSE else ""
+                option = f"; the option is --{name.replace('_', '-')}" if name in POSE else ""
                 raise DataError(f"--set {setting}: {name} is a parameter of the node, not of the estimator{option}")
             hint = nearest_name(name, table, "docs/parameters.md has all of them")
             raise DataError(f"--set {setting}: the estimator has no parameter {name}; {hint}")

@@ -143,7 +143,7 @@ def _of_upright(
     grid, thing = _decide(seen, estimate, config, color)
     size, (x0, y0) = cells.resolution_m, cells.origin_m
     box = (x0, y0, x0 + grid.shape[1] * size, y0 + grid.shape[0] * size)
-    clear = in_line_of_sight(grid, blind_cells(cells, config), cells.corner)
+    clear = in_line_of_sight(grid, blind_cells(cells, color, config), cells.corner)
     return FreeSpace(
         grid=grid,
         resolution_m=size,

@@ -374,10 +374,10 @@ def open_bag(
 
 
 def _why_no_depth(reader: Reader, topic: str, path: Path) -> str:
-    """Return why the first image of a topic cannot be read as depth; "" where it can."""
+    """Return why the format of a topic cannot be read as depth; "" where it can, though single images be damaged."""
     try:
         for connection, _, raw in raw_messages(reader, {topic}, path):
-            messages.decode_depth(messages.decode(raw, connection.msgtype))
+            messages.check_depth_format(messages.decode(raw, connection.msgtype))
             return ""
     except DataError as error:
         return str(error)

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from room_layout_ros.decoding import image
 from room_layout_ros.decoding.camera_info import decode_camera_info
-from room_layout_ros.decoding.compressed import decode_compressed_color, decode_compressed_depth
+from room_layout_ros.decoding.compressed import bytes_before_depth, decode_compressed_color, decode_compressed_depth
 from room_layout_ros.decoding.text import clean_text
 from room_layout_ros.extras import install_hint
 
@@ -158,6 +158,11 @@ def decode_depth(message: Any) -> NDArray[np.float32]:
         See `decoding.image.decode_depth` and `decoding.compressed.decode_compressed_depth`.
     """
     return _read(decode_compressed_depth if message.__msgtype__ == COMPRESSED else image.decode_depth, message)
+
+
+def check_depth_format(message: Any) -> None:
+    """Raise DataError where the format of compressed depth says that it cannot be read."""
+    _read(bytes_before_depth, message)
 
 
 def decode_index(message: Any, highest: int) -> NDArray[np.uint8]:

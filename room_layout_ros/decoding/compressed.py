@@ -38,7 +38,7 @@ def check_compressed_color(message: CompressedImageLike) -> tuple[int, int]:
 
 def check_compressed_depth(message: CompressedImageLike) -> tuple[int, int]:
     """Return (height, width) of the PNG of a depth image without decoding it. Raises ValueError as its decoder."""
-    picture = memoryview(message.data).cast("B")[_before_depth(message) :]
+    picture = memoryview(message.data).cast("B")[bytes_before_depth(message) :]
     if bytes(picture[: len(_PNG)]) != _PNG:
         raise ValueError("compressed depth image holds no PNG")
     if bytes(picture[24:26]) != b"\x10\x00":
@@ -46,8 +46,14 @@ def check_compressed_depth(message: CompressedImageLike) -> tuple[int, int]:
     return _picture_size("depth", picture)
 
 
-def _before_depth(message: CompressedImageLike) -> int:
-    """Return the number of bytes before the picture: none in image_transport's `compressed`, of 16UC1 as PNG."""
+def bytes_before_depth(message: CompressedImageLike) -> int:
+    """Return the number of bytes before the picture: none in image_transport's `compressed`, of 16UC1 as PNG.
+
+    Raises
+    ------
+    ValueError
+        When the message's format is no depth that can be read.
+    """
     encoding, _, method = (part.strip() for part in str(message.format).partition(";"))
     if encoding in ("16UC1", "32FC1") and method in ("compressedDepth", "compressedDepth png"):
         return _DEPTH_HEADER
@@ -89,7 +95,7 @@ def decode_compressed_depth(message: CompressedImageLike) -> NDArray[np.float32]
     """
     check_compressed_depth(message)
     content = np.frombuffer(message.data, np.uint8)
-    pixels = _decode("depth", content[_before_depth(message) :])
+    pixels = _decode("depth", content[bytes_before_depth(message) :])
     if pixels.dtype != np.uint16 or pixels.ndim != 2:
         raise ValueError(f"compressed depth image has shape {pixels.shape} of {pixels.dtype}; uint16 grey is needed")
     if message.format.startswith("16UC1"):

@@ -72,7 +72,7 @@ def find_dark_holes(
     hole_kind, kind : (H, W) uint8 of `close_holes` and `sum_floor_cells`.
     inverse_depth : (H, W) float32, 0 where nothing was measured. color : (H, W, 3) uint8 RGB.
     """
-    least = int(_LEAST_AREA * camera.fx * camera.fy)
+    least = max(int(_LEAST_AREA * camera.fx * camera.fy), 1)
     dark, (top, bottom, left, right), count = _dark_pixels(hole_kind, color)
     if count < least:
         return []

@@ -23,7 +23,8 @@ _LAYERS = int(2 * _FARTHEST_M / _LAYER_M)
 
 _LOWER_FROM_M, _LOWER_SHARE, _LEVEL_SHARE = 0.25, 0.003, 0.4
 """A layer so far below the plane, in the lowest sixth and of the first share of the picture, is the floor; if it holds
-the second share of all that lies so far below: a wall that is mirrored in a glossy floor spreads over many."""
+the second share of all that lies so far below: a wall that is mirrored in a glossy floor spreads over many. So does the
+front of what the camera stands before; that fills the last rows, too."""
 
 _UPPER_FROM_M, _UPPER_SHARE = 0.10, 0.6
 """Two layers that begin so far above it, or farther, and fill this share of the last rows may be it."""
@@ -61,7 +62,8 @@ def level_of_camera(
     below, all_below = two[1:lower, _COUNT].max(), layers[:lower, _COUNT].sum()
     if on_plane[_FLOOR] < _LEAST_FLOOR_SHARE * on_plane[_COUNT]:
         return float("nan")
-    if below * _STRIDE**2 >= _LOWER_SHARE * labels.size and below >= _LEVEL_SHARE * all_below:
+    mirrored = below < _LEVEL_SHARE * all_below and last[:lower].sum() <= 0.5 * last.sum()
+    if below * _STRIDE**2 >= _LOWER_SHARE * labels.size and not mirrored:
         return float("nan")
     first = middle + round(_UPPER_FROM_M / _LAYER_M)
     best = first + int(np.argmax(last[first:-1] + last[first + 1 :]))

@@ -137,9 +137,7 @@ def fit_floor(
     return _fit(geometry, estimate.labels, config, under, _TOLERANCE_M)
 
 
-def _fit_given(
-    geometry: DepthGeometry, estimate: RoomEstimate, config: EstimatorConfig, prior: FloorPlane
-) -> FloorFit:
+def _fit_given(geometry: DepthGeometry, estimate: RoomEstimate, config: EstimatorConfig, prior: FloorPlane) -> FloorFit:
     """Refine a floor that is given whole: from that of the cuboid where it is the same, else from itself.
 
     As given where what is seen is another, or things alone: a plane that is a few degrees off runs through them.

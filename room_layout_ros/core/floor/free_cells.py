@@ -31,6 +31,7 @@ from .floor_cells import (
     FloorCells,
 )
 from .floor_noise import band_sigma
+from .floor_pixels import FLOOR_PIXEL
 from .floor_plane import FloorFit
 
 _MIN_PIXELS = 3
@@ -46,6 +47,9 @@ _MEASURED = 0.7
 
 _BRIDGE_CELLS = 2
 """Holes of the depth are floor by the picture (free with `free_by_picture`) so far from floor that was measured."""
+
+_LIT, _LIT_STRIDE = 60, 8
+"""Level of the brightest channel of a lit floor; one in so many rows and columns is looked at."""
 
 _RANGE_BAND_M = 0.5
 _MIN_BAND_CELLS = 10
@@ -110,12 +114,21 @@ def occupied_cells(
     return np.asarray(thing)
 
 
-def blind_cells(cells: FloorCells, config: EstimatorConfig) -> NDArray[np.bool_]:
+def blind_cells(cells: FloorCells, color: NDArray[np.uint8] | None, config: EstimatorConfig) -> NDArray[np.bool_]:
     """Return (rows, cols) bool: cells of which too much has no depth, but for what is floor by the picture.
 
-    With stereo a cell here and there is always lost: floor behind it would never be offered for clearing.
+    With stereo a cell here and there is always lost: floor behind it would never be offered for clearing. In the dark
+    the picture does not tell.
     """
-    return np.asarray(_blind(cells.sums, config.free_min_seen))
+    return np.asarray(_blind(cells.sums, config.free_min_seen, _is_lit(cells, color)))
+
+
+def _is_lit(cells: FloorCells, color: NDArray[np.uint8] | None) -> bool:
+    """Whether the floor is bright enough for a black thing to stand out from it in the picture."""
+    if color is None:
+        return False
+    floor = color[::_LIT_STRIDE, ::_LIT_STRIDE][cells.kind[::_LIT_STRIDE, ::_LIT_STRIDE] == FLOOR_PIXEL]
+    return len(floor) > 0 and float(np.median(floor.max(axis=1))) >= _LIT
 
 
 def decide_cells(
@@ -256,13 +269,15 @@ def _is_floor(sums, i, j, least, bridge_cells):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _blind(sums, least_seen):  # type: ignore[no-untyped-def]
+def _blind(sums, least_seen, by_picture):  # type: ignore[no-untyped-def]
     rows, cols, _ = sums.shape
     blind = np.zeros((rows, cols), np.bool_)
     for i in range(rows):
         for j in range(cols):
-            if sums[i, j, BLIND] + sums[i, j, BRIDGE] >= _MAX_GAP:
-                blind[i, j] = sums[i, j, BLIND] >= _MAX_GAP or not _is_floor(sums, i, j, least_seen, _BRIDGE_CELLS)
+            if sums[i, j, BLIND] + sums[i, j, BRIDGE] < _MAX_GAP:
+                continue
+            bridged = by_picture and sums[i, j, BLIND] < _MAX_GAP
+            blind[i, j] = not (bridged and _is_floor(sums, i, j, least_seen, _BRIDGE_CELLS))
     return blind
 
 

@@ -1,4 +1,4 @@
-"""A glossy patch of floor, in which the depth of the wall's mirror image is measured: it lies below the floor."""
+"""What lies below a plane that fits: a wall mirrored in a glossy floor, or the front of a stage taken for floor."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from furnished import ahead_of, empty, free_space_of, with_truth
+from furnished import CONFIG, GREY, ahead_of, empty, free_space_of, with_truth
 from numpy.typing import NDArray
 
+from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.floor.floor_cells import FREE_CELL
-from room_layout_ros.core.labels import FLOOR
+from room_layout_ros.core.freespace import compute_free_space
+from room_layout_ros.core.labels import CLUTTER, FLOOR
+from room_layout_ros.core.layout import RoomCuboid
 from room_layout_ros.datasets.sample import Sample
 from room_layout_ros.datasets.synthetic import KINECT, NOISES, camera_pose, render
+from room_layout_ros.datasets.synthetic.shapes import Solid
 
 PATCH_M = (1.45, 1.85)
 """From the camera over the floor; as much to either side."""
@@ -42,3 +46,21 @@ def test_the_mirror_image_of_a_wall_is_no_lower_floor(noise: str) -> None:
     assert abs(found.camera_height_m - 1.2) < 0.02
     assert not (ahead_of(found, PATCH_M, 0.2) == FREE_CELL).any()
     assert (ahead_of(found, (2.2, 3.0), 0.5) == FREE_CELL).mean() > 0.7
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_front_of_a_stage_is_no_mirror_image(seed: int) -> None:
+    """A stage of 72 cm begins 58 cm ahead, its top is labelled floor, and the cuboid's floor lies on it."""
+    stage = Solid(0.08, 0.0, 0.0, 1.8, 2.4, 0.0, 0.72, 5, GREY, thing=1)
+    pose, rng = camera_pose(-1.4, 0.0, 1.38, 0.0, -0.77), np.random.default_rng(seed)
+    sample = render(empty(stage), KINECT, pose, NOISES["kinect"], rng)
+    estimate, geometry = with_truth(sample), compute_depth_geometry(sample.frame, CONFIG)
+    assert estimate.cuboid is not None
+    assert geometry is not None
+    distances = estimate.cuboid.distances - np.array([0.0, 0.72, 0.0, 0.0, 0.0])
+    on_top = RoomCuboid(estimate.cuboid.R_room_camera, distances)
+    labels = np.where(estimate.labels == CLUTTER, np.uint8(FLOOR), estimate.labels)
+    found = compute_free_space(
+        geometry, replace(estimate, labels=labels, cuboid=on_top), CONFIG, color=sample.frame.color
+    )
+    assert found is None or abs(found.camera_height_m - 1.38) < 0.05
