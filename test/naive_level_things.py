@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass
-from itertools import groupby, product
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,9 +87,11 @@ def naive_below(
         wide = width(left, right, float(inverse[v, u]))
         deep = max(1.2, 2.0 * wide) if 0.6 <= wide <= 1.0 else 1.2
         left, right = run(u, v, strays=2)
-        legs = [list(leg) for is_leg, leg in groupby(behind[left : right + 1], lambda b: b > 0.0) if is_leg]
+        at = left + np.flatnonzero(behind[left : right + 1] > 0.0)
+        legs = [leg for leg in np.split(at, np.flatnonzero(np.diff(at) > 3) + 1) if len(leg)]
         pixels_per_m = camera.fx * float(inverse[v, u])
-        found = [max(leg) + 0.2 for leg in legs if len(leg) <= 0.15 * pixels_per_m and max(leg) <= 2.0]
+        narrow = [behind[leg].max() for leg in legs if leg[-1] - leg[0] + 1 <= 0.15 * pixels_per_m]
+        found = [far + 0.2 for far in narrow if far <= 2.0]
         return max([deep, *found])
 
     def leave(thing: Thing | None, u: int, way: Ray, beyond: float) -> None:

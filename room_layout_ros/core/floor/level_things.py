@@ -64,7 +64,7 @@ _CLOSING = np.ones((3, 3), np.uint8)
 """Between two hidden cells there is no free one."""
 
 _STRAYS = 2
-"""So many pixels of noise in a row do not part an edge from its legs."""
+"""So many pixels of noise in a row part no edge from its legs, and make no legs of a cupboard."""
 
 _LEVEL = 1e-6
 """Rays that rise or fall by no more are level."""
@@ -210,13 +210,18 @@ def _to_its_legs(behind, pixels_per_m):  # type: ignore[no-untyped-def]
 
     `behind` : `_BEHIND` of each column of the edge.
     """
-    deep, begin = 0.0, 0
-    for k in range(len(behind) + 1):
-        if k < len(behind) and behind[k] > 0.0:
+    deep, k = 0.0, 0
+    while k < len(behind):
+        if behind[k] <= 0.0:
+            k += 1
             continue
-        if 0 < k - begin <= _LEG_M * pixels_per_m and behind[begin:k].max() <= _AT_LEGS_M:
-            deep = max(deep, behind[begin:k].max() + _OVER_LEGS_M)
-        begin = k + 1
+        begin, last, farthest = k, k, behind[k]
+        while k < len(behind) and k - last <= _STRAYS + 1:
+            if behind[k] > 0.0:
+                last, farthest = k, max(farthest, behind[k])
+            k += 1
+        if last - begin + 1 <= _LEG_M * pixels_per_m and farthest <= _AT_LEGS_M:
+            deep = max(deep, farthest + _OVER_LEGS_M)
     return deep
 
 
