@@ -123,15 +123,13 @@ def start(context):
     preset = names(value["camera"], value["camera_name"])
     registered = value["depth_registered"].lower() == "true"
     given = {name: value[name] for name in ("color_transport", "depth_transport", "floor_frame") if value[name]}
+    clock = {"use_sim_time": value["use_sim_time"].lower() == "true"} if value["use_sim_time"] else {}
     common = {
         "package": "room_layout_ros",
         "name": value["node_name"],
         "namespace": value["namespace"],
         "output": "screen",
-        "parameters": [
-            value["params_file"],
-            {"use_sim_time": value["use_sim_time"].lower() == "true", "depth_registered": registered, **given},
-        ],
+        "parameters": [value["params_file"], {"depth_registered": registered, **clock, **given}],
         "remappings": remappings(preset, registered, value["imu"]),
     }
     if value["lifecycle"].lower() == "true":
@@ -139,11 +137,11 @@ def start(context):
     else:
         nodes = [Node(executable="estimator", **common)]
     if value["rviz"].lower() == "true":
-        nodes.append(rviz(value, value["fixed_frame"] or preset.frame))
+        nodes.append(rviz(value, value["fixed_frame"] or preset.frame, clock))
     return nodes
 
 
-def rviz(value, fixed_frame):
+def rviz(value, fixed_frame, clock):
     view = os.path.join(get_package_share_directory("room_layout_ros"), "config", "estimator.rviz")  # noqa: PTH118
     own = f"/{value['namespace'].strip('/')}/{value['node_name']}".replace("//", "/")
     return Node(
@@ -151,6 +149,7 @@ def rviz(value, fixed_frame):
         executable="rviz2",
         namespace=value["namespace"],
         arguments=["-d", view, "-f", fixed_frame],
+        parameters=[clock] if clock else [],
         remappings=[(f"/estimator/{topic}", f"{own}/{topic}") for topic in VIEWED],
     )
 
@@ -174,7 +173,7 @@ ARGUMENTS = {
     "depth_transport": ("", "raw, compressedDepth or compressed (default: as params_file says)"),
     "imu": ("", "topic of the IMU for pose_source imu, where it is not the driver's usual one"),
     "floor_frame": ("", "name of the frame on the floor (default: as params_file says)"),
-    "use_sim_time": ("false", "time from /clock"),
+    "use_sim_time": ("", "true: time from /clock (default: as params_file says)"),
     "lifecycle": ("false", "start the lifecycle node; it waits for configure and activate"),
     "rviz": ("false", "start RViz with the package's view"),
     "fixed_frame": ("", "RViz shows all in this frame (default: the optical frame of the preset's colour camera)"),
@@ -182,6 +181,7 @@ ARGUMENTS = {
 
 SWITCHES = ("depth_registered", "use_sim_time", "lifecycle", "rviz")
 CHOICES = {"camera": list(PRESETS), **{name: ["true", "false", "True", "False"] for name in SWITCHES}}
+CHOICES["use_sim_time"].append("")
 
 
 def generate_launch_description():

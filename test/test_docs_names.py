@@ -127,9 +127,9 @@ def test_launch_arguments_are_those_of_the_launch_file(page: str) -> None:
 
 
 def said_by_the_node(page: str) -> list[str]:
-    """Return the sentences in the first column of the table; RViz says those of the rows that begin with its name."""
+    """Return the sentences in the first column of the table; RViz and Nav2 say those of rows that begin so."""
     cells = re.findall(r"^\| ([^|]+) \|", page, flags=re.MULTILINE)
-    return [sentence for cell in cells if not cell.startswith("RViz") for sentence in quoted(cell)]
+    return [sentence for cell in cells if not cell.startswith(("RViz", "Nav2")) for sentence in quoted(cell)]
 
 
 SENTENCES = said_by_the_node((REPOSITORY / "docs" / "troubleshooting.md").read_text("utf-8"))

@@ -162,6 +162,15 @@ def test_holes_in_the_floor_reach_the_costmap(costmap: str) -> None:
     assert settings["scan"]["marking"]
 
 
+def test_a_robot_that_has_just_started_stands_in_no_unknown_cells_of_its_local_costmap() -> None:
+    """DWB and the recoveries take them for a collision, and nearer than the raytrace range nothing clears them."""
+    file = yaml.safe_load((Path(__file__).parents[1] / "config" / "nav2_costmap.yaml").read_text())
+    costmaps = {name: file[name][name]["ros__parameters"] for name in ("local_costmap", "global_costmap")}
+    assert "track_unknown_space" not in costmaps["local_costmap"]
+    assert costmaps["global_costmap"]["track_unknown_space"]
+    assert all(costmap["transform_tolerance"] >= 1.0 for costmap in costmaps.values())
+
+
 @pytest.mark.parametrize("costmap", ["local_costmap", "global_costmap"])
 def test_the_costmap_listens_to_topics_that_exist(costmap: str) -> None:
     settings = layer_settings(costmap)

@@ -173,6 +173,16 @@ def test_the_name_of_the_camera_and_the_namespace_can_be_given(launch_file: dict
     assert Path(node.named["parameters"][0]).is_file()
 
 
+def test_the_clock_is_that_of_the_parameter_file_unless_it_is_given_and_then_rviz_has_it_too(
+    launch_file: dict[str, Any],
+) -> None:
+    (node,) = started(launch_file)
+    assert "use_sim_time" not in node.named["parameters"][1]
+    for given in (True, False):
+        for node in started(launch_file, rviz="true", use_sim_time=str(given).lower()):
+            assert node.named["parameters"][-1]["use_sim_time"] is given
+
+
 def test_executables_are_those_that_are_installed(launch_file: dict[str, Any], repository: Path) -> None:
     setup = (repository / "setup.py").read_text("utf-8")
     nodes = [*started(launch_file), *started(launch_file, lifecycle="true")]
@@ -186,6 +196,7 @@ def test_rviz_shows_topics_of_the_node(launch_file: dict[str, Any], repository: 
     assert shown <= {f"/estimator/{topic}" for topic in launch_file["VIEWED"]}
     _, rviz = started(launch_file, rviz="true", namespace="left", node_name="rooms")
     assert ("/estimator/markers", "/left/rooms/markers") in rviz.named["remappings"]
+    assert rviz.named["parameters"] == []
     assert Path(rviz.named["arguments"][1]).is_file()
 
 
