@@ -17,7 +17,7 @@ from room_layout_ros.core.floor.floor_pixels import FLYING_PIXEL, NOTHING, OBSTA
 from room_layout_ros.core.floor.level_things import hide_below_level_things
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import CLUTTER, FLOOR, FRONT_WALL
-from room_layout_ros.datasets.synthetic import KINECT, NOISES, camera_pose, render
+from room_layout_ros.datasets.synthetic import KINECT, NOISES, SyntheticRoom, camera_pose, render
 from room_layout_ros.datasets.synthetic.shapes import Solid
 
 CORNER = (0.0, -2.0, 0.097)
@@ -73,6 +73,12 @@ def hidden(
     return grid != FREE_CELL
 
 
+def with_table(length: float) -> SyntheticRoom:
+    """A room with a table of 1.4 m times a length ahead, 75 cm high, its middle 70 cm ahead of the room's."""
+    top, end = Solid(0.7, 0.0, 0.0, length, 1.4, 0.71, 0.75, 5, GREY, thing=1), 0.5 * length - 0.05
+    return empty(top, *(box(0.7 + x, y, 0.05, 0.71) for x in (-end, end) for y in (-0.65, 0.65)))
+
+
 @pytest.mark.parametrize("pitch", [-0.4, -0.1, 0.15])
 def test_floor_is_hidden_where_the_slow_twin_says(pitch: float) -> None:
     some = 0
@@ -92,9 +98,9 @@ def test_floor_is_hidden_where_the_slow_twin_says(pitch: float) -> None:
 @pytest.mark.parametrize("height", [0.55, 0.72, 0.8])
 def test_below_a_table_at_the_cameras_height_nothing_is_free(height: float, noise: str) -> None:
     """A table of 1.4 x 0.8 m, 75 cm high, of whose top a robot's low camera sees the edge alone."""
-    top = Solid(0.7, 0.0, 0.0, 0.8, 1.4, 0.71, 0.75, 5, GREY, thing=1)
-    room = empty(top, *(box(0.7 + x, y, 0.05, 0.71) for x in (-0.35, 0.35) for y in (-0.65, 0.65)))
-    sample = render(room, KINECT, camera_pose(-1.4, 0.0, height, 0.0, -0.15), NOISES[noise], np.random.default_rng(5))
+    sample = render(
+        with_table(0.8), KINECT, camera_pose(-1.4, 0.0, height, 0.0, -0.15), NOISES[noise], np.random.default_rng(5)
+    )
     found = free_space_of(sample.frame, with_truth(sample))
     # its top covers 1.7-2.5 m ahead, 0.7 m to either side
     assert not (ahead_of(found, (1.75, 2.45), 0.65) == FREE_CELL).any()
@@ -104,9 +110,9 @@ def test_below_a_table_at_the_cameras_height_nothing_is_free(height: float, nois
 @pytest.mark.parametrize("noise", ["clean", "kinect", "stereo"])
 def test_below_a_table_that_is_seen_edge_on_nothing_is_free_up_to_its_farther_legs(noise: str) -> None:
     """A table of 1.4 x 1.5 m, 75 cm high, at whose edge both legs of its other end are seen to end."""
-    top = Solid(0.7, 0.0, 0.0, 1.5, 1.4, 0.71, 0.75, 5, GREY, thing=1)
-    room = empty(top, *(box(0.7 + x, y, 0.05, 0.71) for x in (-0.7, 0.7) for y in (-0.65, 0.65)))
-    sample = render(room, KINECT, camera_pose(-1.4, 0.0, 0.72, 0.0, -0.15), NOISES[noise], np.random.default_rng(5))
+    sample = render(
+        with_table(1.5), KINECT, camera_pose(-1.4, 0.0, 0.72, 0.0, -0.15), NOISES[noise], np.random.default_rng(5)
+    )
     found = free_space_of(sample.frame, with_truth(sample))
     # its top covers 1.35-2.85 m ahead, 0.7 m to either side
     assert not (ahead_of(found, (1.4, 2.9), 0.6) == FREE_CELL).any()
@@ -116,9 +122,9 @@ def test_below_a_table_that_is_seen_edge_on_nothing_is_free_up_to_its_farther_le
 @pytest.mark.parametrize("label", [CLUTTER, FRONT_WALL])
 def test_a_top_that_is_seen_flat_and_has_no_depth_hides_what_is_below_it_by_whatever_label(label: int) -> None:
     """Its few rows of pixels belong to the superpixels of the wall behind it as often as to its edge's."""
-    top = Solid(0.7, 0.0, 0.0, 0.8, 1.4, 0.71, 0.75, 5, GREY, thing=1)
-    room = empty(top, *(box(0.7 + x, y, 0.05, 0.71) for x in (-0.35, 0.35) for y in (-0.65, 0.65)))
-    sample = render(room, KINECT, camera_pose(-1.4, 0.0, 0.8, 0.0, -0.15), NOISES["kinect"], np.random.default_rng(5))
+    sample = render(
+        with_table(0.8), KINECT, camera_pose(-1.4, 0.0, 0.8, 0.0, -0.15), NOISES["kinect"], np.random.default_rng(5)
+    )
     estimate, depth_m = with_truth(sample), sample.frame.depth_m
     assert depth_m is not None
     lost = np.isnan(depth_m) & (estimate.labels == CLUTTER)

@@ -13,7 +13,7 @@ from room_layout_ros.datasets import DataError, FramesFolder, FrameSource
 from room_layout_ros.datasets.frame_names import find_name
 from room_layout_ros.datasets.nyu import NyuSource
 
-_HOLD_OUT = "--hold-out"
+_HOLD_OUT, _FRAMES = "--hold-out", "--frames"
 
 
 def add_hold_out_argument(parser: argparse.ArgumentParser) -> None:
@@ -42,17 +42,13 @@ def subset_names(source: FramesFolder, subset: str | None, option: str = _HOLD_O
     return () if subset is None else _names(source, subset, option)
 
 
-def choose_frames(
-    source: FrameSource, subset: str | None, rooms: dict[str, RoomCuboid] | None = None, option: str = "--frames"
-) -> FrameSource:
+def choose_frames(source: FrameSource, subset: str | None, rooms: dict[str, RoomCuboid] | None = None) -> FrameSource:
     """Return the source restricted to a named subset; without one, to the frames known to have a true layout.
 
     Parameters
     ----------
     rooms : dict, optional
         Fitted rooms by name, which count as layouts.
-    option : str
-        What names the subset, for the words of a refusal.
 
     Raises
     ------
@@ -61,10 +57,10 @@ def choose_frames(
     """
     if not isinstance(source, FramesFolder | NyuSource):
         if subset is not None:
-            raise DataError(f"{option} {subset} needs a frames folder or an NYU v2 .mat; {source.title} is neither")
+            raise DataError(f"{_FRAMES} {subset} needs a frames folder or an NYU v2 .mat; {source.title} is neither")
         return source
     if subset is not None:
-        return source.subset(_names(source, subset, option))
+        return source.subset(_names(source, subset, _FRAMES))
     if isinstance(source, NyuSource):
         if source.layouts is None and not rooms:
             raise DataError(f"{source.title} holds no layouts; give the published ones by --layouts FILE")

@@ -36,10 +36,11 @@ from room_layout_ros.datasets import DataError, FramesFolder
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.evaluation.c_curve import C_CURVE_FILE, CPoint, update_c_curve
 from room_layout_ros.learning import train
-from room_layout_ros.learning.context import RGB_SETTINGS, ContextSettings, train_context, train_furniture
+from room_layout_ros.learning.context import RGB_SETTINGS, ContextSettings, train_context
 from room_layout_ros.learning.example_store import ExampleRef, ExampleStore
 from room_layout_ros.learning.fit_frame import read_fits
 from room_layout_ros.learning.folds import folds_of
+from room_layout_ros.learning.furniture import train_furniture
 from room_layout_ros.learning.origin import origin
 from room_layout_ros.learning.scene_folds import read_folds
 from room_layout_ros.learning.structured_svm import SvmConfig, SvmProgress, SvmResult

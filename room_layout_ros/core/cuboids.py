@@ -13,6 +13,7 @@ from .config import EstimatorConfig
 from .depth import DepthGeometry
 from .estimate import RoomEstimate
 from .floor.floor_frame import walls_on_floor
+from .floor.floor_pixels import camera_height
 from .freespace import FreeSpace
 from .labels import CLUTTER
 
@@ -108,7 +109,7 @@ def _clutter(inverse, labels, furniture, intrinsics, T, walls):  # type: ignore[
     height, width = inverse.shape
     capacity = ((height + _STRIDE - 1) // _STRIDE) * ((width + _STRIDE - 1) // _STRIDE)
     points, classes = np.empty((capacity, 3), np.float32), np.empty(capacity, np.uint8)
-    up = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
+    up = camera_height(T)
     count = 0
     for v in range(0, height, _STRIDE):
         ry = (v - cy) / fy

@@ -21,7 +21,6 @@ from ..datasets.synthetic import NOISES
 from .context_table import ContextTable, collect_table, join_tables
 from .folds import MARGIN, SYNTHETIC_FIRST, is_near, row_folds
 from .forest_export import BINS, export_forest
-from .furniture import train_furniture as train_furniture  # commands.train takes it from here
 from .scene_folds import SceneFolds
 from .synthetic_frames import random_frames
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..frame import CameraIntrinsics
 from .depth_holes import GAP
-from .floor_pixels import FLOOR_PIXEL, FLYING_PIXEL, OBSTACLE_PIXEL, pixel_rays
+from .floor_pixels import FLOOR_PIXEL, FLYING_PIXEL, OBSTACLE_PIXEL, camera_height, pixel_rays
 
 _DARK = 90
 """Level of the brightest channel up to which a pixel is dark."""
@@ -234,5 +234,5 @@ def depth_of_floor(T, intrinsics, u, v):  # type: ignore[no-untyped-def]
     """Depth in m at which the ray of a pixel meets the floor, inf where it does not fall."""
     _, _, _, _, az0, az1 = pixel_rays(T, intrinsics, v)
     rise = az0 + az1 * u
-    above_floor = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
+    above_floor = camera_height(T)
     return above_floor / -rise if rise < LEVEL else np.inf

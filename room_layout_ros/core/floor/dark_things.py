@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..frame import CameraIntrinsics
 from .dark_holes import BLUR_PX, FOOT_M, LEVEL, depth_of_floor, find_dark_holes
 from .floor_cells import FREE_CELL, UNKNOWN_CELL
-from .floor_pixels import BEYOND_PIXEL, FLOOR_PIXEL, WALL_PIXEL, pixel_rays
+from .floor_pixels import BEYOND_PIXEL, FLOOR_PIXEL, WALL_PIXEL, camera_height, pixel_rays
 
 _LEAST_HIGH_M = 0.02
 """What hangs no higher stands on the floor."""
@@ -102,7 +102,7 @@ def _span(lowest, on_floor, first, intrinsics, T):  # type: ignore[no-untyped-de
 @njit(cache=True, nogil=True)
 def _apart(lowest, a, b, first, intrinsics, T):  # type: ignore[no-untyped-def]
     """Distance on the floor in m between what is seen just below two columns of a patch; inf where one is no floor."""
-    above_floor = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
+    above_floor = camera_height(T)
     xa, ya, rise_a = _ray(T, intrinsics, first + a, lowest[a] + 1.0)
     xb, yb, rise_b = _ray(T, intrinsics, first + b, lowest[b] + 1.0)
     if max(rise_a, rise_b) >= LEVEL:
@@ -132,7 +132,7 @@ def _mark_below(below, edges, line, first, kind, intrinsics, T, corner, margin):
     highest, lowest, on_floor = edges
     x0, y0, size = corner
     rows, cols = below.shape
-    above_floor = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
+    above_floor = camera_height(T)
     near, hangs = _near_sides(line, lowest, first, intrinsics, T, above_floor)
     _straighten_ends(near, hangs, line, lowest, on_floor, above_floor)
     legs_end = _behind_legs(lowest, on_floor, first, intrinsics, T, above_floor)

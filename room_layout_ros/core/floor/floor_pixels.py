@@ -59,6 +59,12 @@ def pixel_rays(T, intrinsics, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def camera_height(T):  # type: ignore[no-untyped-def]
+    """Height in m of the camera over the floor of `T_camera_floor`."""
+    return -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
+
+
+@njit(cache=True, nogil=True)
 def narrow_limits(limits):  # type: ignore[no-untyped-def]
     """Limits in float32, the highest height rounded down: a float32 is above it where it is above that in float64."""
     lowest, factor, highest = limits

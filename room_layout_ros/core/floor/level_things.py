@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..frame import CameraIntrinsics
 from ..labels import CLUTTER, FLOOR
 from .floor_cells import FREE_CELL, UNKNOWN_CELL
-from .floor_pixels import FLYING_PIXEL, NOTHING, OBSTACLE_PIXEL, pixel_rays
+from .floor_pixels import FLYING_PIXEL, NOTHING, OBSTACLE_PIXEL, camera_height, pixel_rays
 
 _HANGS_M = 0.12
 """What begins lower stands on the floor: as far as it is seen, its cells hold its surface."""
@@ -114,7 +114,7 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
     first, hidden = np.full(grid.shape, -1, np.int32), np.zeros(grid.shape, np.bool_)
     by_side = np.zeros((2, *grid.shape), np.bool_)
     over = first, hidden, by_side, width - 1
-    above_floor = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
+    above_floor = camera_height(T)
     closer, side = np.float32(0.5 * corner[2]), np.float32(corner[2])
     follows, columns = np.zeros(width, np.uint8), np.zeros((width, 10))
     for v in range(height - 1, -1, -1):
