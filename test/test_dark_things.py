@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from room_layout_ros.core import freespace
 from room_layout_ros.core.estimate import RoomEstimate
-from room_layout_ros.core.floor.dark_things import hide_below_dark_things
+from room_layout_ros.core.floor.dark_things import below_dark_things
 from room_layout_ros.core.floor.depth_holes import BRIDGED, GAP, MEASURED
-from room_layout_ros.core.floor.floor_cells import FREE_CELL, UNKNOWN_CELL
+from room_layout_ros.core.floor.floor_cells import FREE_CELL
 from room_layout_ros.core.floor.floor_frame import floor_frame
 from room_layout_ros.core.floor.floor_pixels import FLOOR_PIXEL, NOTHING, OBSTACLE_PIXEL, WALL_PIXEL
 from room_layout_ros.core.frame import CameraIntrinsics, RgbdFrame
@@ -73,9 +73,13 @@ def look(solids: list[Solid], view: str, noise: str, label: int = CLUTTER) -> tu
     return replace(sample.frame, depth_m=depth_m), replace(estimate, labels=labels)
 
 
+def nothing_dark(shape: tuple[int, int], *_: object) -> NDArray[np.bool_]:
+    return np.zeros(shape, np.bool_)
+
+
 def without_rule(frame: RgbdFrame, estimate: RoomEstimate, patch: pytest.MonkeyPatch) -> NDArray[np.int8]:
     with patch.context() as only:
-        only.setattr(freespace, "hide_below_dark_things", lambda *_: None)
+        only.setattr(freespace, "below_dark_things", nothing_dark)
         return free_space_of(frame, estimate).grid
 
 
@@ -138,7 +142,7 @@ def test_without_colour_nothing_changes(monkeypatch: pytest.MonkeyPatch) -> None
     frame, estimate = look(TABLE, "low", "kinect")
     grey = replace(CONFIG, use_color=False)
     found = free_space_of(frame, estimate, grey).grid
-    monkeypatch.setattr(freespace, "hide_below_dark_things", lambda *_: None)
+    monkeypatch.setattr(freespace, "below_dark_things", nothing_dark)
     np.testing.assert_array_equal(found, free_space_of(frame, estimate, grey).grid)
 
 
@@ -174,9 +178,8 @@ def test_floor_is_hidden_where_the_slow_twin_says(pitch: float, margin: float) -
     for seed in range(30):
         hole, kind, color = holes(np.random.default_rng(seed))
         inverse = np.random.default_rng(seed).uniform(0.3, 1.0, hole.shape).astype(np.float32)
-        grid = np.full(SHAPE, FREE_CELL, np.int8)
-        hide_below_dark_things(grid, inverse, hole, kind, color, CAMERA, T, CORNER, margin)
+        below = below_dark_things(SHAPE, inverse, hole, kind, color, CAMERA, T, CORNER, margin)
         expected = naive_dark(inverse, hole, kind, color, CAMERA, T, CORNER, SHAPE, margin)
-        np.testing.assert_array_equal(grid == UNKNOWN_CELL, expected)
+        np.testing.assert_array_equal(below, expected)
         some += int(expected.sum())
     assert some > 200

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from room_layout_ros.core.floor.floor_cells import FREE_CELL, UNKNOWN_CELL
 from room_layout_ros.core.floor.floor_frame import floor_frame
 from room_layout_ros.core.floor.floor_pixels import FLYING_PIXEL, NOTHING, OBSTACLE_PIXEL, WALL_PIXEL
-from room_layout_ros.core.floor.level_things import hide_below_level_things
+from room_layout_ros.core.floor.level_things import below_level_things
 from room_layout_ros.core.frame import CameraIntrinsics
 from room_layout_ros.core.labels import CLUTTER, FLOOR, FRONT_WALL
 from room_layout_ros.datasets.synthetic import KINECT, NOISES, SyntheticRoom, camera_pose, render
@@ -69,8 +69,7 @@ def hidden(
     view: View, camera: CameraIntrinsics, T: NDArray[np.float64], free: NDArray[np.bool_] | None = None
 ) -> NDArray[np.bool_]:
     grid = np.where(np.ones(SHAPE, np.bool_) if free is None else free, FREE_CELL, UNKNOWN_CELL).astype(np.int8)
-    hide_below_level_things(grid, *view, camera, T, CORNER)
-    return grid != FREE_CELL
+    return below_level_things(grid, *view, camera, T, CORNER) | (grid != FREE_CELL)
 
 
 def with_table(length: float) -> SyntheticRoom:

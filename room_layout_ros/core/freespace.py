@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .config import EstimatorConfig
 from .depth import DepthGeometry, compute_depth_geometry
 from .estimate import RoomEstimate
-from .floor.dark_things import hide_below_dark_things
+from .floor.dark_things import below_dark_things
 from .floor.depth_holes import close_holes
 from .floor.doorways import see_walls
 from .floor.floor_cells import (
@@ -29,9 +29,9 @@ from .floor.floor_frame import floor_frame, room_outline, view_fan, walls_on_flo
 from .floor.floor_pixels import FLOOR_PIXEL, OBSTACLE_PIXEL
 from .floor.floor_plane import FloorFit, FloorPlane, fit_floor
 from .floor.free_cells import blind_cells, decide_cells, floor_levels, occupied_cells
-from .floor.level_things import hide_below_level_things
+from .floor.level_things import below_level_things
 from .floor.low_things import find_low_things
-from .floor.overhang import hide_overhung
+from .floor.overhang import find_overhung
 from .floor.scan import RangeScan, cast_scan
 from .floor.seen_space import hide_above_picture
 from .floor.sight_lines import in_line_of_sight
@@ -139,24 +139,27 @@ def _of_upright(
     seen = _measure(geometry, estimate, config, floor, color)
     if seen is None:
         return None
-    cells, T_camera_floor = seen.cells, seen.T_camera_floor
+    cells, T, geometry = seen.cells, seen.T_camera_floor, seen.geometry
     grid, thing = _decide(seen, estimate, config, color)
     size, (x0, y0) = cells.resolution_m, cells.origin_m
     box = (x0, y0, x0 + grid.shape[1] * size, y0 + grid.shape[0] * size)
-    clear = in_line_of_sight(grid, blind_cells(cells, color, config), cells.corner)
-    return FreeSpace(
-        grid=grid,
-        resolution_m=size,
-        origin_m=cells.origin_m,
-        T_camera_floor=T_camera_floor,
-        camera_height_m=seen.fit.distance_m,
-        source=seen.fit.source,
-        obstacles=_cloud(seen.geometry, cells, thing, OBSTACLE_PIXEL, config.cloud_step),
-        floor=_cloud(seen.geometry, cells, clear, FLOOR_PIXEL, config.cloud_step),
-        scan=cast_scan(seen.geometry, cells, grid, T_camera_floor, config.scan_beams),
-        walls=seen.walls,
-        room_polygon_m=room_outline(seen.walls, box) if len(seen.walls) else np.empty((0, 2)),
-    )
+    with StageClock().beside("scan", cast_scan, geometry, cells, grid, T, config.scan_beams) as scan:
+        clear = in_line_of_sight(grid, blind_cells(cells, color, config), cells.corner)
+        obstacles = _cloud(geometry, cells, thing, OBSTACLE_PIXEL, config.cloud_step)
+        floor_points = _cloud(geometry, cells, clear, FLOOR_PIXEL, config.cloud_step)
+        return FreeSpace(
+            grid=grid,
+            resolution_m=size,
+            origin_m=cells.origin_m,
+            T_camera_floor=T,
+            camera_height_m=seen.fit.distance_m,
+            source=seen.fit.source,
+            obstacles=obstacles,
+            floor=floor_points,
+            scan=scan(),
+            walls=seen.walls,
+            room_polygon_m=room_outline(seen.walls, box) if len(seen.walls) else np.empty((0, 2)),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,19 +207,32 @@ def _measure(
 def _decide(
     seen: _Measured, estimate: RoomEstimate, config: EstimatorConfig, color: NDArray[np.uint8] | None
 ) -> tuple[NDArray[np.int8], NDArray[np.bool_]]:
-    """Return the grid, and in which cells a thing stands."""
-    cells, T, inverse_depth, camera = seen.cells, seen.T_camera_floor, seen.geometry.inverse_depth, seen.geometry.camera
-    corner, margin = cells.corner, config.obstacle_margin_m
+    """Return the grid, without what lies below something, and in which cells a thing stands."""
+    cells, inverse_depth, margin = seen.cells, seen.geometry.inverse_depth, config.obstacle_margin_m
+    beside, view = StageClock().beside, (seen.geometry.camera, seen.T_camera_floor, cells.corner)
+    dark = cells.sums.shape[:2], inverse_depth, seen.hole_kind, cells.kind, color, *view, margin
+    with beside("dark things", below_dark_things, *dark) as below_dark:
+        grid, thing = _decide_seen(seen, config, color)
+        level = grid, inverse_depth, cells.kind, estimate.labels, cells.cell, *view
+        with beside("level things", below_level_things, *level) as below_level:
+            hidden = find_overhung(grid, inverse_depth, cells.kind, *view, config.robot_height_m, margin)
+            hidden |= below_level() | below_dark()
+    grid[hidden & (grid == FREE_CELL)] = UNKNOWN_CELL
+    return grid, thing
+
+
+def _decide_seen(
+    seen: _Measured, config: EstimatorConfig, color: NDArray[np.uint8] | None
+) -> tuple[NDArray[np.int8], NDArray[np.bool_]]:
+    """Return the grid by what the pixels of each cell show, and in which cells a thing stands."""
+    cells, camera, T = seen.cells, seen.geometry.camera, seen.T_camera_floor
     levels = floor_levels(cells)
     thing = occupied_cells(cells, levels, seen.fit.sigma_m, config)
     low, doubt = find_low_things(color, cells, levels, thing, config)
     thing |= low
     walls = seen.barriers, see_walls(cells.kind, camera, T)
     grid = decide_cells(cells, levels, thing, doubt, seen.fit, walls, view_fan(camera, T), camera.fx, config)
-    hide_above_picture(grid, camera, T, corner, config.free_seen_height_m)
-    hide_overhung(grid, inverse_depth, cells.kind, camera, T, corner, config.robot_height_m, margin)
-    hide_below_level_things(grid, inverse_depth, cells.kind, estimate.labels, cells.cell, camera, T, corner)
-    hide_below_dark_things(grid, inverse_depth, seen.hole_kind, cells.kind, color, camera, T, corner, margin)
+    hide_above_picture(grid, camera, T, cells.corner, config.free_seen_height_m)
     return grid, thing
 
 

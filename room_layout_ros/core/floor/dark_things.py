@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from ..frame import CameraIntrinsics
 from .dark_holes import BLUR_PX, FOOT_M, LEVEL, depth_of_floor, find_dark_holes
-from .floor_cells import FREE_CELL, UNKNOWN_CELL
 from .floor_pixels import BEYOND_PIXEL, FLOOR_PIXEL, WALL_PIXEL, camera_height, pixel_rays
 
 _LEAST_HIGH_M = 0.02
@@ -38,8 +37,8 @@ _LOW_M, _LONG_M, _DEEP_M = 0.40, 2.0, 1.2
 _CLOSING = np.ones((3, 3), np.uint8)
 
 
-def hide_below_dark_things(
-    grid: NDArray[np.int8],
+def below_dark_things(
+    shape: tuple[int, int],
     inverse_depth: NDArray[np.float32],
     hole_kind: NDArray[np.uint8],
     kind: NDArray[np.uint8],
@@ -48,27 +47,30 @@ def hide_below_dark_things(
     T_camera_floor: NDArray[np.float64],
     corner: tuple[float, float, float],
     margin_m: float,
-) -> None:
-    """Make free cells unknown that lie below a dark thing without depth, or in the margin before one.
+) -> NDArray[np.bool_]:
+    """Return the cells that lie below a dark thing without depth, or in the margin before one.
 
     Parameters
     ----------
-    grid : (rows, cols) int8, changed in place. inverse_depth : (H, W) float32, 0 where nothing was measured.
+    shape : rows and columns of the grid. inverse_depth : (H, W) float32, 0 where nothing was measured.
     hole_kind, kind : (H, W) uint8 of `close_holes` and `sum_floor_cells`.
     color : (H, W, 3) uint8 RGB, or None: without it nothing is dark.
     corner : x and y of the lower corner of cell (0, 0), and the side of a cell; m.
     margin_m : cells this near before the near side of a thing are not free.
+
+    Returns
+    -------
+    (rows, cols) bool
     """
     if color is None:
-        return
+        return np.zeros(shape, np.bool_)
     intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
-    below = np.zeros(grid.shape, np.uint8)
+    below = np.zeros(shape, np.uint8)
     for hole in find_dark_holes(hole_kind, kind, inverse_depth, color, camera, T_camera_floor):
         edges = hole.highest, hole.lowest, hole.on_floor
         line = _span(hole.lowest, hole.on_floor, hole.first, intrinsics, T_camera_floor)
         _mark_below(below, edges, line, hole.first, kind, intrinsics, T_camera_floor, corner, margin_m)
-    closed = cv2.morphologyEx(below, cv2.MORPH_CLOSE, _CLOSING)
-    grid[(closed > 0) & (grid == FREE_CELL)] = UNKNOWN_CELL
+    return np.asarray(cv2.morphologyEx(below, cv2.MORPH_CLOSE, _CLOSING)).view(np.bool_)
 
 
 @njit(cache=True, nogil=True)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..frame import CameraIntrinsics
 from ..labels import CLUTTER, FLOOR
-from .floor_cells import FREE_CELL, UNKNOWN_CELL
+from .floor_cells import FREE_CELL
 from .floor_pixels import FLYING_PIXEL, NOTHING, OBSTACLE_PIXEL, camera_height, pixel_rays
 
 _HANGS_M = 0.12
@@ -82,7 +82,7 @@ at it (0: nothing does).
 Where the depth is lost: the distance from below the camera that was reached; height; since which distance."""
 
 
-def hide_below_level_things(
+def below_level_things(
     grid: NDArray[np.int8],
     inverse_depth: NDArray[np.float32],
     kind: NDArray[np.uint8],
@@ -91,22 +91,26 @@ def hide_below_level_things(
     camera: CameraIntrinsics,
     T_camera_floor: NDArray[np.float64],
     corner: tuple[float, float, float],
-) -> None:
-    """Make free cells unknown that lie below a thing, as far as its pixels, or what may be behind its edge, tell.
+) -> NDArray[np.bool_]:
+    """Return the cells that lie below a thing, as far as its pixels, or what may be behind its edge, tell.
 
     Parameters
     ----------
-    grid : (rows, cols) int8, changed in place. inverse_depth : (H, W) float32, 0 where nothing was measured.
+    grid : (rows, cols) int8; only where it is free is looked closely. inverse_depth : (H, W) float32, 0 where nothing
+        was measured.
     kind, cell : (H, W) uint8 and int32 of `sum_floor_cells`. labels : (H, W) uint8 of the estimate.
     corner : x and y of the lower corner of cell (0, 0), and the side of a cell; m.
+
+    Returns
+    -------
+    (rows, cols) bool, some of it not free in any case.
     """
     intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
     below = _follow_columns(inverse_depth, kind, labels, cell, intrinsics, T_camera_floor, corner, grid)
-    closed = cv2.morphologyEx(below.astype(np.uint8), cv2.MORPH_CLOSE, _CLOSING)
-    grid[(closed > 0) & (grid == FREE_CELL)] = UNKNOWN_CELL
+    return np.asarray(cv2.morphologyEx(below.view(np.uint8), cv2.MORPH_CLOSE, _CLOSING)).view(np.bool_)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  # type: ignore[no-untyped-def]
     """(rows, cols) bool: cells below a thing by at least two columns."""
     height, width = inverse.shape
@@ -116,61 +120,72 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
     over = first, hidden, by_side, width - 1
     above_floor = camera_height(T)
     closer, side = np.float32(0.5 * corner[2]), np.float32(corner[2])
-    follows, columns = np.zeros(width, np.uint8), np.zeros((width, 10))
+    follows, columns, on = np.zeros(width, np.uint8), np.zeros((10, width)), np.zeros(width, np.uint8)
     for v in range(height - 1, -1, -1):
         ax0, ax1, ay0, ay1, az0, az1 = pixel_rays(T, intrinsics, v)
         begin = end = edge_end = -1  # of what is joined with the last pixel whose width was asked
         to_legs = 0.0
         down = T[1, 0] / intrinsics[1], T[1, 1] / intrinsics[1], T[1, 2] / intrinsics[1]  # from a pixel to that below
+        _row_goes_on(inverse[v], kind[v], follows, columns[_LAST], closer, on)
         for u in range(width):
-            what = kind[v, u]
+            what, goes_on = kind[v, u], on[u] > 0
             if what != OBSTACLE_PIXEL and follows[u] == _NOTHING:
                 continue
-            w, column = inverse[v, u], columns[u]
-            # what rises over the robot's height is no obstacle there, but the same thing
-            goes_on = what == OBSTACLE_PIXEL or (what == NOTHING and w > 0.0)
-            goes_on &= follows[u] in (_PIXEL, _THING) and abs(w - column[_LAST]) < closer * w * column[_LAST]
+            w = inverse[v, u]
             thing, lost = what == OBSTACLE_PIXEL or goes_on, w <= 0.0 or what == FLYING_PIXEL
-            if goes_on and column[_LOWEST] >= _HANGS_M:
-                look_wide = v % _ROWS == 0 and column[_WIDE] == 0.0
-                if look_wide or column[_DEEP] == 0.0:
+            if goes_on and columns[_LOWEST, u] >= _HANGS_M:
+                look_wide = v % _ROWS == 0 and columns[_WIDE, u] == 0.0
+                if look_wide or columns[_DEEP, u] == 0.0:
                     if u > end:
                         begin, end = _joined(inverse[v], kind[v], u, side, 0)
                     wide_m = (end - begin + 1) / (intrinsics[0] * w)
                     if look_wide:
-                        column[_WIDE] = _is_wide(wide_m, begin, end, width)
-                    if column[_DEEP] == 0.0:
+                        columns[_WIDE, u] = _is_wide(wide_m, begin, end, width)
+                    if columns[_DEEP, u] == 0.0:
                         if u > edge_end:
                             edge_begin, edge_end = _joined(inverse[v], kind[v], u, side, _STRAYS)
-                            to_legs = _to_its_legs(columns[edge_begin : edge_end + 1, _BEHIND], intrinsics[0] * w)
-                        column[_DEEP] = max(_how_deep(wide_m), to_legs)
+                            to_legs = _to_its_legs(columns[_BEHIND, edge_begin : edge_end + 1], intrinsics[0] * w)
+                        columns[_DEEP, u] = max(_how_deep(wide_m), to_legs)
             if goes_on and (cell[v, u] < 0 or not free[cell[v, u]]):
-                column[_LAST], follows[u] = w, _THING
+                columns[_LAST, u], follows[u] = w, _THING
                 continue
             ax, ay, up = ax0 + ax1 * u, ay0 + ay1 * u, az0 + az1 * u
             along = max(np.sqrt(ax * ax + ay * ay), _SIDEWAYS)
-            along_below = np.sqrt((ax + down[0]) ** 2 + (ay + down[1]) ** 2)
+            along_below = np.sqrt((ax + down[0]) ** 2 + (ay + down[1]) ** 2) if follows[u] != _NOTHING else 0.0
             rays = (ax / along, ay / along, along, up, along_below, up + down[2])
             if thing:
-                follows[u] = _meet(follows[u], goes_on, column, w, rays, above_floor, over, u, corner)
+                follows[u] = _meet(follows[u], goes_on, columns, w, rays, above_floor, over, u, corner)
                 if follows[u] == _PIXEL:
                     below = _rows_to_depth(inverse, labels, v, u)
-                    column[_UNDERSIDE] = _end_of_underside(up / w, (ax, ay, up), down, below)
-            elif lost and _may_be_its(labels[v, u], follows[u], column, rays, above_floor):
-                follows[u] = _go_on_without_depth(follows[u], column, rays, above_floor, over, u, corner)
+                    columns[_UNDERSIDE, u] = _end_of_underside(up / w, (ax, ay, up), down, below)
+            elif lost and _may_be_its(labels[v, u], follows[u], columns, u, rays, above_floor):
+                follows[u] = _go_on_without_depth(follows[u], columns, rays, above_floor, over, u, corner)
             else:
-                _end(follows[u], column, np.inf if lost else along / w, rays, above_floor, over, u, corner)
+                _end(follows[u], columns, np.inf if lost else along / w, rays, above_floor, over, u, corner)
                 follows[u] = _NOTHING
     ax0, ax1, ay0, ay1, az0, az1 = pixel_rays(T, intrinsics, 0)
     for u in range(width):
         if follows[u] == _THING:
             ray = ax0 + ax1 * u, ay0 + ay1 * u, az0 + az1 * u
-            _go_on_above_picture(columns[u], ray, above_floor, over, u, corner)
+            _go_on_above_picture(columns, ray, above_floor, over, u, corner)
     _go_on_beside_picture(hidden, by_side, int(np.rint(_BESIDE_M / corner[2])))
     return hidden
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _row_goes_on(inverse, kind, follows, last, closer, on):  # type: ignore[no-untyped-def]
+    """Write where a row's pixels are surely of the thing below them; by itself, so that it runs on vectors.
+
+    What rises over the robot's height is no obstacle there, but the same thing.
+    """
+    for u in range(len(on)):
+        w = inverse[u]
+        seen = (kind[u] == OBSTACLE_PIXEL) | ((kind[u] == NOTHING) & (w > np.float32(0.0)))
+        followed = (follows[u] == _PIXEL) | (follows[u] == _THING)
+        on[u] = seen & followed & (abs(w - last[u]) < closer * w * last[u])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _joined(inverse, kind, u, step_m, strays):  # type: ignore[no-untyped-def]
     """First and last column of what is joined with a pixel of a thing in its row, over so many strays.
 
@@ -187,7 +202,7 @@ def _joined(inverse, kind, u, step_m, strays):  # type: ignore[no-untyped-def]
     return ends[0], ends[1]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _is_wide(wide_m, first, last, width):  # type: ignore[no-untyped-def]
     """Whether a thing is wide; cut off by a side of a picture of that width, it may be twice as wide."""
     enough = _WIDE_M
@@ -198,13 +213,13 @@ def _is_wide(wide_m, first, last, width):  # type: ignore[no-untyped-def]
     return wide_m >= enough
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _how_deep(wide_m):  # type: ignore[no-untyped-def]
     """How far a level thing may go on behind an edge of that width, m."""
     return max(_DEEP_M, _TIMES_WIDE * wide_m) if _NARROW_M <= wide_m <= _END_M else _DEEP_M
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _to_its_legs(behind, pixels_per_m):  # type: ignore[no-untyped-def]
     """How far a table goes on behind its edge to the last of its legs, m; 0 where none is seen.
 
@@ -225,15 +240,15 @@ def _to_its_legs(behind, pixels_per_m):  # type: ignore[no-untyped-def]
     return deep
 
 
-@njit(cache=True, nogil=True)
-def _behind(follows, column, r, h, last):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model="numpy")
+def _behind(follows, columns, u, r, h, last):  # type: ignore[no-untyped-def]
     """How far behind a pixel, at that distance and height, a thing ends that is seen below it, m; 0 if none does."""
-    if follows in (_NOTHING, _PIXEL) or h - column[_LOWEST] < _LEG_SEEN_M:
+    if follows in (_NOTHING, _PIXEL) or h - columns[_LOWEST, u] < _LEG_SEEN_M:
         return 0.0
-    return max((column[_LOST_FROM] if follows == _NO_DEPTH else last) - r, 0.0)
+    return max((columns[_LOST_FROM, u] if follows == _NO_DEPTH else last) - r, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _rows_to_depth(inverse, labels, v, u):  # type: ignore[no-untyped-def]
     """Rows down to the first pixel with depth or of floor: an underside seen flat loses its depth too."""
     n = 1
@@ -242,7 +257,7 @@ def _rows_to_depth(inverse, labels, v, u):  # type: ignore[no-untyped-def]
     return n
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _end_of_underside(over_camera, ray, down, rows):  # type: ignore[no-untyped-def]
     """Distance at which the ray so many rows below a pixel meets the level of that pixel; inf where it does not rise.
 
@@ -255,27 +270,27 @@ def _end_of_underside(over_camera, ray, down, rows):  # type: ignore[no-untyped-
     return np.sqrt((ray[0] + rows * down[0]) ** 2 + (ray[1] + rows * down[1]) ** 2) * over_camera / rises
 
 
-@njit(cache=True, nogil=True)
-def _last_seen(follows, column, rays, above_floor):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model="numpy")
+def _last_seen(follows, columns, u, rays, above_floor):  # type: ignore[no-untyped-def]
     """Distance from below the camera and height of what a column came to."""
     if follows == _NO_DEPTH:
-        return column[_RANGE], column[_HEIGHT]
-    z = 1.0 / column[_LAST]
+        return columns[_RANGE, u], columns[_HEIGHT, u]
+    z = 1.0 / columns[_LAST, u]
     return rays[4] * z, above_floor + rays[5] * z
 
 
-@njit(cache=True, nogil=True)
-def _may_be_its(label, follows, column, rays, above_floor):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model="numpy")
+def _may_be_its(label, follows, columns, u, rays, above_floor):  # type: ignore[no-untyped-def]
     """Whether a pixel without depth may be of the thing below it: of a top that is seen flat by any label but floor's,
     for its few rows belong to the superpixels of what is behind as often.
     """
     if label in (CLUTTER, FLOOR):
         return label == CLUTTER
-    return _last_seen(follows, column, rays, above_floor)[1] - column[_LOWEST] < _THIN_M
+    return _last_seen(follows, columns, u, rays, above_floor)[1] - columns[_LOWEST, u] < _THIN_M
 
 
-@njit(cache=True, nogil=True)
-def _meet(follows, goes_on, column, w, rays, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _meet(follows, goes_on, columns, w, rays, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
     """Follow a column on to a pixel of a thing: that of the last (surely, if it `goes_on`) or another.
 
     `rays` : unit vector over the floor, ahead and to the left; way over the floor and up per metre of depth; both of
@@ -285,17 +300,17 @@ def _meet(follows, goes_on, column, w, rays, above_floor, over, u, corner):  # t
     r, h = along / w, above_floor + up / w
     last, same = r, goes_on
     if follows != _NOTHING:
-        last, last_height = _last_seen(follows, column, rays, above_floor)
+        last, last_height = _last_seen(follows, columns, u, rays, above_floor)
         farthest = max(_SAME_RANGE_M, _ROWS_APART * _to_next_row(r, h - above_floor, rays))
         near = r > last - _SHALLOW_M if follows == _NO_DEPTH else -_SAME_RANGE_M < r - last < farthest
         same = goes_on or (near and abs(h - last_height) < _SAME_LEVEL_M)
     if not same:
-        _end(follows, column, r, rays, above_floor, over, u, corner)
-        column[_BEHIND] = _behind(follows, column, r, h, last)
-        column[_LOWEST], column[_BEGIN], column[_WIDE], column[_DEEP] = h, r, 0.0, 0.0
+        _end(follows, columns, r, rays, above_floor, over, u, corner)
+        columns[_BEHIND, u] = _behind(follows, columns, u, r, h, last)
+        columns[_LOWEST, u], columns[_BEGIN, u], columns[_WIDE, u], columns[_DEEP, u] = h, r, 0.0, 0.0
     elif h >= _HANGS_M:
         _mark(over, u, rays, last, r, corner)
-    column[_LAST] = w
+    columns[_LAST, u] = w
     return _THING if same else _PIXEL
 
 
@@ -308,26 +323,26 @@ def _to_next_row(r, level, rays):  # type: ignore[no-untyped-def]
     return min(r - along_below * level / up_below, _DEEP_M)
 
 
-@njit(cache=True, nogil=True)
-def _go_on_without_depth(follows, column, rays, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model="numpy")
+def _go_on_without_depth(follows, columns, rays, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
     """Follow a column on where the depth is lost: as if on the level of the last pixel with depth."""
     _, _, along, up, _, _ = rays
-    last, h = _last_seen(follows, column, rays, above_floor)
+    last, h = _last_seen(follows, columns, u, rays, above_floor)
     if h < _HANGS_M or follows == _PIXEL:
         return _NOTHING
     if follows == _THING:
-        column[_LOST_FROM], column[_HEIGHT] = last, h
+        columns[_LOST_FROM, u], columns[_HEIGHT, u] = last, h
     r = along * (h - above_floor) / up if up < -_LEVEL else -1.0
-    if 0.0 < r < column[_LOST_FROM] + _DEEPEST_M:
-        column[_RANGE] = max(last, r)
-        _mark(over, u, rays, last, column[_RANGE], corner)
+    if 0.0 < r < columns[_LOST_FROM, u] + _DEEPEST_M:
+        columns[_RANGE, u] = max(last, r)
+        _mark(over, u, rays, last, columns[_RANGE, u], corner)
         return _NO_DEPTH
-    _mark(over, u, rays, last, column[_LOST_FROM] + _DEEP_M, corner)
+    _mark(over, u, rays, last, columns[_LOST_FROM, u] + _DEEP_M, corner)
     return _NOTHING
 
 
-@njit(cache=True, nogil=True)
-def _end(follows, column, beyond, rays, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model="numpy")
+def _end(follows, columns, beyond, rays, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
     """Leave what a column followed: behind its farthest pixel a level surface may go on unseen.
 
     It ends before the next ray would meet its top from above, or the ray below its first pixel its underside from
@@ -336,37 +351,37 @@ def _end(follows, column, beyond, rays, above_floor, over, u, corner):  # type: 
     if follows in (_NOTHING, _PIXEL):
         return
     _, _, along, up, _, _ = rays
-    r, h = _last_seen(follows, column, rays, above_floor)
-    lowest = column[_LOWEST]
+    r, h = _last_seen(follows, columns, u, rays, above_floor)
+    lowest = columns[_LOWEST, u]
     if min(h, lowest) < _HANGS_M or beyond < r:
         return
-    front = column[_WIDE] > 0.0 and lowest < above_floor
+    front = columns[_WIDE, u] > 0.0 and lowest < above_floor
     if front and lowest < _LOW_M:
         far = r + _LONG_M
     elif h - lowest < _THIN_M:
-        far = r + max(_DEEP_M, column[_DEEP])
+        far = r + max(_DEEP_M, columns[_DEEP, u])
     else:
         far = r + (_DESK_M if front else _SHALLOW_M)
     if up < -_LEVEL and h < above_floor:
         far = min(far, along * (h - above_floor) / up)
     if lowest > above_floor:
-        far = min(far, column[_UNDERSIDE])
+        far = min(far, columns[_UNDERSIDE, u])
     _mark(over, u, rays, r, min(far, beyond), corner)
 
 
-@njit(cache=True, nogil=True)
-def _go_on_above_picture(column, ray, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model="numpy")
+def _go_on_above_picture(columns, ray, above_floor, over, u, corner):  # type: ignore[no-untyped-def]
     """Follow on what reaches the picture's upper side: a front behind itself, an underside towards the camera.
 
     `ray` : ahead, to the left and up per metre of depth, of the pixel there.
     """
     ax, ay, up = ray
-    along, z = max(np.sqrt(ax * ax + ay * ay), _SIDEWAYS), 1.0 / column[_LAST]
-    r, h, lowest = along * z, above_floor + up * z, column[_LOWEST]
+    along, z = max(np.sqrt(ax * ax + ay * ay), _SIDEWAYS), 1.0 / columns[_LAST, u]
+    r, h, lowest = along * z, above_floor + up * z, columns[_LOWEST, u]
     if min(h, lowest) < _HANGS_M:
         return
-    near, far, seen = r, r, column[_BEGIN] - r
-    if column[_WIDE] > 0.0 and lowest < above_floor:
+    near, far, seen = r, r, columns[_BEGIN, u] - r
+    if columns[_WIDE, u] > 0.0 and lowest < above_floor:
         far = r + _DESK_M
     elif h - lowest < _THIN_M and seen > 0.0:
         near = max(r - min(_TOWARDS_M, _TIMES_SEEN * seen), 0.0)
@@ -374,7 +389,7 @@ def _go_on_above_picture(column, ray, above_floor, over, u, corner):  # type: ig
         _mark(over, u, (ax / along, ay / along), near, far, corner)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _go_on_beside_picture(hidden, by_side, cells):  # type: ignore[no-untyped-def]
     """Hide so many cells to the left of what the leftmost column hides, and to the right of what the rightmost does."""
     rows, cols = hidden.shape
@@ -387,7 +402,7 @@ def _go_on_beside_picture(hidden, by_side, cells):  # type: ignore[no-untyped-de
                 hidden[max(i - cells, 0) : i, j] = True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _mark(over, u, rays, near, far, corner):  # type: ignore[no-untyped-def]
     """Mark the cells along a ray from one distance to another; those marked by two columns are hidden.
 

@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..frame import CameraIntrinsics
-from .floor_cells import FREE_CELL, UNKNOWN_CELL
+from .floor_cells import FREE_CELL
 from .floor_pixels import OBSTACLE_PIXEL
 
 _STEP_M, _MIN_HIDDEN = 0.05, 4
@@ -55,7 +55,7 @@ _EVEN_DEPTHS, _SPREAD = 1.2, 1.5
 then no two gaps differ by more than the second."""
 
 
-def hide_overhung(
+def find_overhung(
     grid: NDArray[np.int8],
     inverse_depth: NDArray[np.float32],
     kind: NDArray[np.uint8],
@@ -64,15 +64,19 @@ def hide_overhung(
     corner: tuple[float, float, float],
     robot_height_m: float,
     margin_m: float,
-) -> None:
-    """Make free cells unknown where a thing hides the space above one of their corners, up to the robot's height.
+) -> NDArray[np.bool_]:
+    """Return the cells of which a thing hides the space above a corner, up to the robot's height.
 
     Parameters
     ----------
-    grid : (rows, cols) int8, changed in place. inverse_depth : (H, W) float32, 0 where nothing was measured.
+    grid : (rows, cols) int8. inverse_depth : (H, W) float32, 0 where nothing was measured.
     kind : (H, W) uint8 of `sum_floor_cells`: a thing goes on beyond the side of the picture, a wall is where it is.
     corner : x and y of the lower corner of cell (0, 0), and the side of a cell; m.
     margin_m : cells this near before a thing are not free; where that place is beside the picture, it is looked at too.
+
+    Returns
+    -------
+    (rows, cols) bool, some of it not free in any case.
     """
     intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
     over = _look_over_corners(grid, inverse_depth, kind, intrinsics, T_camera_floor, corner, robot_height_m, margin_m)
@@ -82,7 +86,7 @@ def hide_overhung(
         side = 2 * max(round(_GOES_ON_M / corner[2]), 1) + 1
         beside = cv2.dilate(below.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
         hidden |= beside & (_corners_of_cells(over == DARK) > 1)
-    grid[hidden & (grid == FREE_CELL)] = UNKNOWN_CELL
+    return hidden
 
 
 def _corners_of_cells(corners: NDArray[np.bool_]) -> NDArray[np.uint8]:
