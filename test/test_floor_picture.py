@@ -45,7 +45,9 @@ def test_the_box_holds_all_that_is_known_and_the_camera() -> None:
     np.testing.assert_allclose(known_box([]), (-0.3, 0.3, -0.3, 0.3))
 
 
-def test_a_frame_without_free_space_is_not_known_everywhere() -> None:
+def test_a_frame_without_free_space_is_not_known_everywhere_and_says_why() -> None:
+    nothing_known = draw_floor(FloorGrid(np.full((2, 2), -1, np.int8), 0.1, (0.0, 0.0)), BOX, (360, 360))
     picture = draw_floor(None, BOX, (360, 360))
+    assert (picture != nothing_known).any(axis=2).sum() > 100, "words"
     assert not (picture == FREE_COLOR).all(axis=2).any()
     assert at(picture, 2.6, 0.2) == UNKNOWN_COLOR
