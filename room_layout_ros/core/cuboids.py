@@ -60,14 +60,12 @@ def compute_object_cuboids(
     config : EstimatorConfig
         `object_min_pixels` is the size below which a patch of clutter is no object.
     """
-    c, T = geometry.camera, free_space.T_camera_floor
+    camera, T = geometry.camera, free_space.T_camera_floor
     walls = walls_on_floor(estimate.cuboid if estimate.metric else None, T)
-    points, classes = _clutter(
-        geometry.inverse_depth, estimate.labels, estimate.furniture, (c.fx, c.fy, c.cx, c.cy), T, walls
-    )
+    points, classes = _clutter(geometry.inverse_depth, estimate.labels, estimate.furniture, camera.numbers, T, walls)
     if not len(points):
         return ()
-    size = max(free_space.resolution_m, _CELL_PX * _STRIDE / geometry.camera.fx)
+    size = max(free_space.resolution_m, _CELL_PX * _STRIDE / camera.fx)
     low, shape = _bounds(points, size)
     if shape[0] * shape[1] > _MAX_CELLS:
         return ()

@@ -53,8 +53,7 @@ class DepthGeometry:
     @cached_property
     def moments(self) -> NDArray[np.float64]:
         """(rows, cols, 10) float64 sums per cell of `CELL_PX` pixels, see `MOMENTS`."""
-        c = self.camera
-        return np.asarray(_cell_moments(self.inverse_depth, CELL_PX, c.fx, c.fy, c.cx, c.cy), np.float64)
+        return np.asarray(_cell_moments(self.inverse_depth, CELL_PX, *self.camera.numbers), np.float64)
 
     def points(self, stride: int = 1) -> NDArray[np.float32]:
         """Return (h, w, 3) float32 points in the camera frame in metres, NaN where nothing was measured."""

@@ -43,7 +43,7 @@ def gather_depth_cells(geometry: DepthGeometry) -> DepthCells:
     """Collect the cells of a depth image."""
     camera, moments = geometry.camera, geometry.moments
     rows, columns, _ = moments.shape
-    points, sigma = _mean_points(moments, camera.fx, camera.fy, camera.cx, camera.cy)
+    points, sigma = _mean_points(moments, *camera.numbers)
     normal, spread = np.full((rows * columns, 3), np.nan), np.ones(rows * columns)
     for radius in _RADII:
         planes = fit_cell_planes(geometry, radius)

@@ -85,7 +85,7 @@ def refine_on_edges(
     normals, middles = segment_planes(picture.segments, camera)
     lines = normals, middles, picture.segments.length_px.astype(np.float64)
     green = np.ascontiguousarray(picture.color[..., 1])  # one type of array: a frame's may be read-only
-    image = green, picture.superpixels, picture.clutter, (camera.fx, camera.fy, camera.cx, camera.cy)
+    image = green, picture.superpixels, picture.clutter, camera.numbers
     R, moved, found = _refine(structure.cells, structure.nodes, image, lines, R_room_camera, distances)
     if not found:
         return R_room_camera, distances

@@ -38,13 +38,18 @@ class CameraIntrinsics:
     def __post_init__(self) -> None:
         if not (0 < self.width <= MAX_SIDE_PX and 0 < self.height <= MAX_SIDE_PX):
             raise ValueError(f"camera size is {self.width}x{self.height}; each side must be 1 to {MAX_SIDE_PX} pixels")
-        values = (self.fx, self.fy, self.cx, self.cy)
+        values = self.numbers
         if not all(np.isfinite(values)):
             raise ValueError(f"camera intrinsics (fx, fy, cx, cy) are {values}; all must be finite")
         if self.fx <= 0 or self.fy <= 0:
             raise ValueError(
                 f"focal lengths are ({self.fx}, {self.fy}) px; both must be above 0 (is the camera calibrated?)"
             )
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """Focal lengths and principal point (fx, fy, cx, cy), as kernels take them."""
+        return self.fx, self.fy, self.cx, self.cy
 
     @property
     def matrix(self) -> NDArray[np.float64]:

@@ -250,10 +250,9 @@ def _cloud(
     geometry: DepthGeometry, cells: FloorCells, where: NDArray[np.bool_], kind: int, step: int
 ) -> NDArray[np.float32]:
     """(n, 3) float32 points of one kind of pixels whose cell is chosen."""
-    c = geometry.camera
-    intrinsics = (c.fx, c.fy, c.cx, c.cy)
     return np.asarray(
-        _points(geometry.inverse_depth, intrinsics, cells.kind, cells.cell, where.ravel(), kind, step), np.float32
+        _points(geometry.inverse_depth, geometry.camera.numbers, cells.kind, cells.cell, where.ravel(), kind, step),
+        np.float32,
     )
 
 

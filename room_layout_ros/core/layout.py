@@ -83,7 +83,7 @@ class RoomCuboid:
     def polygons(self, camera: CameraIntrinsics) -> tuple[FacePolygon, ...]:
         """Return the visible part of each face, in the order of their ids."""
         m, found = self._rows(camera), []
-        numbers = (camera.fx, camera.fy, camera.cx, camera.cy)
+        numbers = camera.numbers
         for k in range(N_FACES):
             if np.isfinite(self.distances[k]):
                 pixels, points = _polygon(m, k, camera.width, camera.height, numbers)

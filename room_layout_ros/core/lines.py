@@ -101,7 +101,7 @@ def segment_planes(segments: LineSegments, camera: CameraIntrinsics) -> tuple[ND
     middle : (n, 3) float64
         Unit ray through the segment's middle.
     """
-    normal, middle = _planes(segments.points, camera.fx, camera.fy, camera.cx, camera.cy)
+    normal, middle = _planes(segments.points, *camera.numbers)
     return normal, middle
 
 

@@ -68,7 +68,7 @@ class PlaneFit:
 
 def compute_plane_fit(camera: CameraIntrinsics, superpixels: Superpixels, R: NDArray[np.float64]) -> PlaneFit:
     """Place the superpixels' planes in the room axes R (rows X right, Y down, Z front)."""
-    camera_numbers = (camera.fx, camera.fy, camera.cx, camera.cy)
+    camera_numbers = camera.numbers
     return PlaneFit(
         *_place(superpixels.center_px, superpixels.plane, FACE_SIGN[:, None] * R[FACE_AXIS], camera_numbers)
     )

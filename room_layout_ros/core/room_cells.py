@@ -50,7 +50,7 @@ def room_cells(
     """
     camera, moments = geometry.camera, geometry.moments
     rows, cols, _ = moments.shape
-    rays, w = _rays(moments, camera.fx, camera.fy, camera.cx, camera.cy)
+    rays, w = _rays(moments, *camera.numbers)
     return _interleave(rays, w, _cell_means(superpixels, probability, rows, cols, CELL_PX), behind, (rows, cols))
 
 
@@ -62,7 +62,7 @@ def image_cells(
 ) -> RoomCells:
     """Cells of an image without depth; parameters as for `room_cells`."""
     rows, cols = camera.height // CELL_PX, camera.width // CELL_PX
-    rays, w = _rays(np.zeros((rows, cols, MOMENTS)), camera.fx, camera.fy, camera.cx, camera.cy)
+    rays, w = _rays(np.zeros((rows, cols, MOMENTS)), *camera.numbers)
     return _interleave(rays, w, _cell_means(superpixels, probability, rows, cols, CELL_PX), behind, (rows, cols))
 
 

@@ -28,7 +28,7 @@ def compute_relations(
     Positions are the planes' points at the superpixels' centres, where both have one; without depth directions (u, v)
     tell what they can, and nothing is in front or behind.
     """
-    camera_numbers = (camera.fx, camera.fy, camera.cx, camera.cy)
+    camera_numbers = camera.numbers
     return _relations(superpixels.center_px, superpixels.plane, superpixels.edges, R, camera_numbers, with_depth)
 
 

@@ -52,8 +52,7 @@ def compute_depth_descriptors(
     dict of (P, D) float32
         "depth_gradient", "spin", "self_similarity"; rows of NaN where the patch has no descriptor.
     """
-    c = camera
-    points, normals = plane_samples(inverse_depth, c.fx, c.fy, c.cx, c.cy)
+    points, normals = plane_samples(inverse_depth, *camera.numbers)
     middles = (centers // SAMPLE_PX).astype(np.int32)
     known = measured_patches(points, middles, REACH, _LEAST_SHARE)
     here = middles[known]

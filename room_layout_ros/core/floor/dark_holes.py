@@ -78,11 +78,10 @@ def find_dark_holes(
         return []
     part = np.asarray(cv2.morphologyEx(dark[top:bottom, left:right], cv2.MORPH_OPEN, _OPENING), np.uint8)
     parts, patch, boxes = _patches(part, least, left == 0, right == dark.shape[1])
-    intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
     holes = []
     for k, box in boxes.items():
         edges = _edges(parts, patch == k, box, (top, left), kind)
-        _go_on_over_feet(edges, box[2] + left, inverse_depth, kind, intrinsics, T_camera_floor)
+        _go_on_over_feet(edges, box[2] + left, inverse_depth, kind, camera.numbers, T_camera_floor)
         if np.count_nonzero(edges[2]) >= _LEAST_FEET:
             holes.append(DarkHole(int(box[2] + left), *edges))
     return holes

@@ -64,7 +64,7 @@ def below_dark_things(
     """
     if color is None:
         return np.zeros(shape, np.bool_)
-    intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
+    intrinsics = camera.numbers
     below = np.zeros(shape, np.uint8)
     for hole in find_dark_holes(hole_kind, kind, inverse_depth, color, camera, T_camera_floor):
         edges = hole.highest, hole.lowest, hole.on_floor

@@ -33,7 +33,7 @@ def see_walls(
     ----------
     kind : (H, W) uint8 of `sum_floor_cells`. T_camera_floor : (4, 4) float64, `floor_frame` of the fit.
     """
-    return np.asarray(_count(kind, (camera.fx, camera.fy, camera.cx, camera.cy), T_camera_floor))
+    return np.asarray(_count(kind, camera.numbers, T_camera_floor))
 
 
 @njit(cache=True, nogil=True)

@@ -119,9 +119,8 @@ def sum_floor_cells(
     size = config.free_space_resolution_m
     cols, rows = round(config.free_space_forward_m / size), 2 * round(config.free_space_side_m / size)
     origin = (0.0, -0.5 * rows * size)
-    c = geometry.camera
     sums, stands, kind, cell = _sum_cells(
-        geometry.inverse_depth, hole_kind, labels, (c.fx, c.fy, c.cx, c.cy), T_camera_floor,
+        geometry.inverse_depth, hole_kind, labels, geometry.camera.numbers, T_camera_floor,
         (fit.distance_m, fit.sigma_m), walls, (*origin, size), (rows, cols),
         (config.obstacle_min_height_m, config.obstacle_noise_factor, config.robot_height_m), config.free_beyond_walls,
     )  # fmt: skip

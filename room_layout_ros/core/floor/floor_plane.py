@@ -126,7 +126,7 @@ def fit_floor(
     if fit is None:
         return None
     camera = geometry.camera
-    intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
+    intrinsics = camera.numbers
     plane = fit.normal / fit.distance_m
     level_m = level_of_camera(geometry.inverse_depth, estimate.labels, color, intrinsics, plane)
     if level_m == 0.0:
@@ -165,7 +165,7 @@ def _fit(
     between two levels.
     """
     camera = geometry.camera
-    intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
+    intrinsics = camera.numbers
     plane = start.normal / start.distance_m
     pixels, coarse = near_plane(geometry.inverse_depth, labels, intrinsics, plane)
     least = max(int(config.floor_min_share * geometry.inverse_depth.size), 500)

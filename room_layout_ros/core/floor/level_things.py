@@ -105,8 +105,7 @@ def below_level_things(
     -------
     (rows, cols) bool, some of it not free in any case.
     """
-    intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
-    below = _follow_columns(inverse_depth, kind, labels, cell, intrinsics, T_camera_floor, corner, grid)
+    below = _follow_columns(inverse_depth, kind, labels, cell, camera.numbers, T_camera_floor, corner, grid)
     return np.asarray(cv2.morphologyEx(below.view(np.uint8), cv2.MORPH_CLOSE, _CLOSING)).view(np.bool_)
 
 

@@ -78,8 +78,9 @@ def find_overhung(
     -------
     (rows, cols) bool, some of it not free in any case.
     """
-    intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
-    over = _look_over_corners(grid, inverse_depth, kind, intrinsics, T_camera_floor, corner, robot_height_m, margin_m)
+    over = _look_over_corners(
+        grid, inverse_depth, kind, camera.numbers, T_camera_floor, corner, robot_height_m, margin_m
+    )
     below = _corners_of_cells(over == BELOW) > 0
     hidden = below | (_corners_of_cells(over == HIDDEN) > 0)
     if below.any():

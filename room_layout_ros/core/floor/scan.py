@@ -49,12 +49,11 @@ def cast_scan(
     cells : FloorCells. grid : (rows, cols) int8, decided; in the grid things count only in occupied cells, so that a
         stray pixel is no obstacle. beams : number of beams across what is in the picture, at most a half circle.
     """
-    c = geometry.camera
-    right, left = view_fan(c, T_camera_floor)
+    right, left = view_fan(geometry.camera, T_camera_floor)
     increment = (left - right) / beams
     angle_min = right + 0.5 * increment
     ranges = _cast(
-        geometry.inverse_depth, (c.fx, c.fy, c.cx, c.cy), T_camera_floor, cells.kind, cells.cell, grid.ravel(),
+        geometry.inverse_depth, geometry.camera.numbers, T_camera_floor, cells.kind, cells.cell, grid.ravel(),
         (right, increment, beams), (*cells.origin_m, cells.resolution_m, grid.shape[1]),
     )  # fmt: skip
     return RangeScan(angle_min, increment, ranges)

@@ -45,14 +45,13 @@ def refine_walls(
     -------
     (n, 4) float64; a wall stays where it is unless another line has clearly more of its length.
     """
-    c = geometry.camera
     moved = walls.copy()
     if not len(walls):
         return moved
     wall_of = np.full(max(FACES) + 1, -1, np.int64)
     wall_of[[FACES[int(k)] for k in walls[:, 3]]] = np.arange(len(walls))
     every, feet = _slice_votes(
-        geometry.inverse_depth, estimate.labels, wall_of, (c.fx, c.fy, c.cx, c.cy), T_camera_floor, walls
+        geometry.inverse_depth, estimate.labels, wall_of, geometry.camera.numbers, T_camera_floor, walls
     )
     for row, votes, foot in zip(moved, every, feet, strict=True):
         inwards = 0.0

@@ -64,7 +64,7 @@ def shade(
     ).reshape(-1, 9)  # fmt: skip
     color = np.zeros((*index.shape, 3), np.float32)
     pose = np.ascontiguousarray(T_world_camera[:3])
-    K = (camera.fx, camera.fy, camera.cx, camera.cy)
+    K = camera.numbers
     _shade_kernel(index, depth_m, rectangles, looks, boxes, light.lamps, light.ambient, pose, K, color)
     return color
 
