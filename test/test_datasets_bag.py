@@ -395,6 +395,8 @@ def test_beside_a_stream_that_is_named_the_other_is_of_the_same_camera() -> None
     right = "/right/right_camera"
     color, depth = f"{right}/color/image_raw", f"{right}/aligned_depth_to_color/image_raw"
     assert streams(two, color_topic=color) == (color, depth)
+    depth = f"{right}/depth/image_rect_raw"
+    assert streams(two, depth_topic=depth) == (color, depth)
     front = realsense("front") | realsense("rear")
     color, depth = "/rear/rear_camera/color/image_raw", "/rear/rear_camera/depth/image_rect_raw"
     assert streams(front, depth_topic=depth) == (color, depth)

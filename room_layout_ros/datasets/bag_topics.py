@@ -77,7 +77,7 @@ def choose_topics(
     colors = [t for t in images if t not in depths and t != depth_topic]
     depths = [t for t in depths if t != color_topic and (t in in_png or not t.endswith(_AS_PICTURES))]
     depth = depth_topic or _best("depth", _beside(color_topic, depths), _DEPTH_HINTS)
-    color = color_topic or _best("colour", _beside(depth_topic, _without_right(colors)), _COLOR_HINTS)
+    color = color_topic or _best("colour", _without_right(_beside(depth_topic, colors)), _COLOR_HINTS)
     if not color and not depth:
         raise DataError(f"the bag has no colour or depth images; its topics are {_listed(list(types))}")
     if not needs_info:
