@@ -539,3 +539,20 @@ def test_walls_of_the_room_are_no_things_with_the_floor_beyond_them_either() -> 
     behind = free_space_of(sample.frame, replace(truth, cuboid=near), open_walls)
     assert (behind.grid[free] == FREE_CELL).mean() > 0.95
     assert len(behind.obstacles) > 1000
+
+
+def test_the_robots_own_body_in_the_picture_is_left_out_by_the_least_depth() -> None:
+    """A bumper that reaches 30 to 35 cm before the camera, along the lower edge of the picture."""
+    sample, without = look(empty(), height=0.8, pitch=-0.2)
+    estimate, v = with_truth(sample), np.arange(KINECT.height)[:, None]
+    body = (v > KINECT.height - 70) & (np.abs(np.arange(KINECT.width) - KINECT.cx) < 200)
+    depth_m = np.where(body, np.float32(0.30) + (KINECT.height - v) * np.float32(0.05 / 70), sample.frame.depth_m)
+    frame = replace(sample.frame, depth_m=depth_m.astype(np.float32))
+    estimate = replace(estimate, labels=np.where(body, CLUTTER, estimate.labels).astype(np.uint8))
+    geometry = compute_depth_geometry(frame, CONFIG)
+    assert geometry is not None
+    assert compute_free_space(geometry, estimate, CONFIG, color=frame.color) is None, "the camera may stand on a table"
+    found = free_space_of(frame, estimate, replace(CONFIG, min_depth_m=0.45))
+    assert not (found.scan.ranges_m < 0.5).any()
+    assert not len(found.obstacles)
+    assert (found.grid == FREE_CELL).sum() > 0.7 * (without.grid == FREE_CELL).sum()
