@@ -544,6 +544,7 @@ def test_walls_of_the_room_are_no_things_with_the_floor_beyond_them_either() -> 
 def test_the_robots_own_body_in_the_picture_is_left_out_by_the_least_depth() -> None:
     """A bumper that reaches 30 to 35 cm before the camera, along the lower edge of the picture."""
     sample, without = look(empty(), height=0.8, pitch=-0.2)
+    assert sample.frame.depth_m is not None
     estimate, v = with_truth(sample), np.arange(KINECT.height)[:, None]
     body = (v > KINECT.height - 70) & (np.abs(np.arange(KINECT.width) - KINECT.cx) < 200)
     depth_m = np.where(body, np.float32(0.30) + (KINECT.height - v) * np.float32(0.05 / 70), sample.frame.depth_m)

@@ -106,7 +106,7 @@ class EstimatorConfig:
     )  # fmt: skip
     axes_hypotheses: int = _p(4, "namings and triples of the axes that the joint energy chooses from", "", 1, 8)
     axes_hypotheses_rgb: int = _p(2, "the same without depth", "", 1, 8)
-    min_depth_m: float = _p(0.2, "nearer measurements are ignored; above it what the camera sees of the robot itself", "m", 0.0, 5.0)
+    min_depth_m: float = _p(0.2, "nearer measurements, as those of the robot itself, are ignored", "m", 0.0, 5.0)
     max_depth_m: float = _p(12.0, "farther measurements are ignored", "m", 1.0, 100.0)
     min_valid_depth: float = _p(
         0.02, "below this share of measured pixels a frame has no depth: colour alone, or NO_DEPTH", "", 0.0, 1.0
