@@ -34,7 +34,7 @@ def estimator() -> LayoutEstimator:
 
 @dataclass(frozen=True)
 class Views:
-    """Four rooms from random poses and six seconds of a walk; more of them in docs/free_space.md."""
+    """Four rooms from random poses and six seconds of a walk; more of them in docs/free_space_measured.md."""
 
     noise: str
     frames: list[tuple[SyntheticRoom, Sample, RoomEstimate]]
