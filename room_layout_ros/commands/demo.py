@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from room_layout_ros.commands.camera_pose import add_pose_arguments, given_angles, pose_of, refuse_pose
@@ -29,6 +28,7 @@ from room_layout_ros.commands.demo_page import DemoFacts, demo_html
 from room_layout_ros.commands.demo_pictures import (
     ANIMATION_TILE,
     Image,
+    shrink,
     side_by_side,
     write_animation,
     write_floors,
@@ -220,9 +220,9 @@ def _write_bag(
 
 def _seen(sample: Sample) -> _Seen:
     frame: RgbdFrame = sample.frame
-    small = np.asarray(cv2.resize(base_image(frame), (480, 360), interpolation=cv2.INTER_AREA), np.uint8)
     truth = sample.truth
-    return _Seen(sample.name, small, truth.layout if truth else None, truth.labels if truth else None)
+    layout, labels = (truth.layout, truth.labels) if truth else (None, None)
+    return _Seen(sample.name, shrink(base_image(frame)), layout, labels)
 
 
 def _show(

@@ -6,7 +6,6 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,11 +20,12 @@ FLOOR_FRAMES = 12
 ANIMATION_FRAMES = 120
 """More frames are thinned out evenly: a page should open at once."""
 
-_TILE = (480, 360)
-"""Smaller, the legend of a 640x480 overlay reads wrong: a 0 as an 8."""
-_SMALL_TILE = (200, 150)
+_TILE_PX = 360
+"""Shorter side of a tile. Smaller, the legend of a 640x480 overlay reads wrong: a 0 as an 8."""
+_SMALL_TILE_PX = 150
 """Of the sheets with all frames: to find one, not to read."""
 ANIMATION_TILE = (480, 360)
+"""Width and height of what has no shape of its own: the free space."""
 
 
 def evenly(count: int, wanted: int) -> list[int]:
@@ -36,13 +36,13 @@ def evenly(count: int, wanted: int) -> list[int]:
 def write_sheets(path: Path, frames: Sequence[tuple[str, Image]], columns: int = 4) -> list[Path]:
     """Write contact sheets: `path` with an even choice of frames; if there are more, path-all-N with all of them."""
     chosen = [frames[i] for i in evenly(len(frames), SHEET_FRAMES)]
-    write_image(path, pictures.tiles(chosen, min(columns, len(chosen)), _TILE))
+    write_image(path, _tiles(chosen, min(columns, len(chosen)), _TILE_PX))
     written = [path]
     if len(frames) > SHEET_FRAMES:
         per_sheet = 60
         for number, start in enumerate(range(0, len(frames), per_sheet), 1):
             sheet = path.with_name(f"{path.stem}-all-{number}.jpg")
-            write_image(sheet, pictures.tiles(frames[start : start + per_sheet], 10, _SMALL_TILE), 88)
+            write_image(sheet, _tiles(frames[start : start + per_sheet], 10, _SMALL_TILE_PX), 88)
             written.append(sheet)
     return written
 
@@ -50,12 +50,24 @@ def write_sheets(path: Path, frames: Sequence[tuple[str, Image]], columns: int =
 def write_floors(path: Path, frames: Sequence[tuple[str, Image]], columns: int = 4) -> None:
     """Write the free space of an even choice of frames."""
     chosen = [frames[i] for i in evenly(len(frames), FLOOR_FRAMES)]
-    write_image(path, pictures.tiles(chosen, min(columns, len(chosen)), _TILE))
+    write_image(path, _tiles(chosen, min(columns, len(chosen)), _TILE_PX))
+
+
+def _tiles(frames: Sequence[tuple[str, Image]], columns: int, shorter_px: int) -> Image:
+    """Return pictures in rows, all of them in the shape of the first."""
+    return pictures.tiles(frames, columns, pictures.tile_size(frames[0][1], shorter_px))
+
+
+def shrink(image: Image) -> Image:
+    """Return a picture at the size of a tile."""
+    return pictures.fit(image, pictures.tile_size(image, _TILE_PX))
 
 
 def side_by_side(*images: Image) -> Image:
-    """Return pictures beside each other, each at the animation's size."""
-    return np.hstack([cv2.resize(image, ANIMATION_TILE, interpolation=cv2.INTER_AREA) for image in images])
+    """Return pictures beside each other, each in its own shape."""
+    shrunk = [shrink(image) for image in images]
+    height = max(image.shape[0] for image in shrunk)
+    return np.hstack([pictures.fit(image, (image.shape[1], height)) for image in shrunk])
 
 
 def write_animation(path: Path, frames: Sequence[Image], seconds: float) -> None:
@@ -70,7 +82,8 @@ def write_animation(path: Path, frames: Sequence[Image], seconds: float) -> None
         from PIL import Image as Pillow
     except ImportError:
         raise DataError(f"the moving picture needs Pillow: {install_hint('viz')}") from None
-    chosen = [Pillow.fromarray(frames[i]) for i in evenly(len(frames), ANIMATION_FRAMES)]
+    height, width = frames[0].shape[:2]
+    chosen = [Pillow.fromarray(pictures.fit(frames[i], (width, height))) for i in evenly(len(frames), ANIMATION_FRAMES)]
     out = io.BytesIO()
     each_ms = max(40, round(1000 * seconds / len(chosen)))
     chosen[0].save(out, "webp", save_all=True, append_images=chosen[1:], duration=each_ms, loop=0, quality=72, method=2)

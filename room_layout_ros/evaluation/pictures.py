@@ -16,6 +16,7 @@ Image = NDArray[np.uint8]
 TRUTH_COLOR = (235, 40, 40)
 ESTIMATE_COLOR = (40, 110, 255)
 CAPTION_PX = 26
+_LONGEST_SHAPE = 16 / 9
 _INK, _PAPER = (30, 34, 40), (255, 255, 255)
 
 
@@ -101,16 +102,33 @@ def draw_superpixels(image: Image, index: NDArray[np.int32], color: tuple[int, i
     return out
 
 
+def tile_size(image: Image, shorter_px: int) -> tuple[int, int]:
+    """Return (width, height) of a tile in the shape of the picture, by its shorter side; 16:9 is the longest shape."""
+    height, width = image.shape[:2]
+    factor, longest_px = shorter_px / min(width, height), round(_LONGEST_SHAPE * shorter_px)
+    return min(round(factor * width), longest_px), min(round(factor * height), longest_px)
+
+
+def fit(image: Image, size: tuple[int, int]) -> Image:
+    """Return the picture as large as (width, height) `size` takes it, unstretched, with margins where it is left."""
+    height, width = image.shape[:2]
+    factor = min(size[0] / width, size[1] / height)
+    within = max(1, round(factor * width)), max(1, round(factor * height))
+    left, above = (size[0] - within[0]) // 2, (size[1] - within[1]) // 2
+    sheet = np.full((size[1], size[0], 3), _PAPER, np.uint8)
+    sheet[above : above + within[1], left : left + within[0]] = cv2.resize(image, within, interpolation=cv2.INTER_AREA)
+    return sheet
+
+
 def caption(image: Image, text: str, size: tuple[int, int]) -> Image:
-    """Return the picture at (width, height) under a line of text."""
-    shrunk = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    """Return the picture fitted into (width, height) under a line of text."""
     strip = np.full((CAPTION_PX, size[0], 3), _PAPER, np.uint8)
     cv2.putText(strip, text, (4, CAPTION_PX - 9), cv2.FONT_HERSHEY_SIMPLEX, 0.45, _INK, 1, cv2.LINE_AA)
-    return np.vstack([strip, shrunk])
+    return np.vstack([strip, fit(image, size)])
 
 
 def tiles(pictures: Sequence[tuple[str, Image]], columns: int, size: tuple[int, int] = (320, 240)) -> Image:
-    """Return captioned pictures in rows of `columns`, each at (width, height) `size`."""
+    """Return captioned pictures in rows of `columns`, each fitted into (width, height) `size`."""
     gap = 6
     cells = [
         cv2.copyMakeBorder(caption(p, t, size), 0, gap, 0, gap, cv2.BORDER_CONSTANT, value=_PAPER) for t, p in pictures

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +28,7 @@ Image = NDArray[np.uint8]
 
 _SUPPORT, _BEYOND, _BEFORE = (80, 200, 110), (235, 70, 60), (150, 150, 150)
 _WITHIN_M, _WITHIN_SHARE = 0.05, 0.02
+_TILE_PX = 360
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +115,9 @@ def _behind(look: Look) -> Image | None:
 def _cues(look: Look) -> Image | None:
     if look.seen is None or look.cues is None:
         return None
-    sheet = evidence_pictures.draw_depth_cues(look.seen.superpixels, look.cues)
-    height, width = look.frame.camera.height, look.frame.camera.width
-    return np.asarray(cv2.resize(sheet, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+    cosines, distances = np.vsplit(evidence_pictures.draw_depth_cues(look.seen.superpixels, look.cues), 2)
+    rows = [row for sheet in (cosines, distances) for row in np.hsplit(sheet, 2)]  # three in a row are larger than six
+    return pictures.fit(np.vstack(rows), (look.frame.camera.width, look.frame.camera.height))
 
 
 def _planes(look: Look) -> Image | None:
@@ -190,7 +190,8 @@ def draw_stage(name: str, look: Look) -> Image | None:
     return STAGES[name][1](look)
 
 
-def draw_all(look: Look, size: tuple[int, int] = (480, 360)) -> Image:
-    """Return all stages that have something to show, three in a row."""
+def draw_all(look: Look) -> Image:
+    """Return all stages that have something to show, three in a row, in the shape of the frame."""
+    size = pictures.tile_size(pictures.base_image(look.frame), _TILE_PX)
     drawn = [(caption, draw(look)) for caption, draw in STAGES.values()]
     return pictures.tiles([(caption, image) for caption, image in drawn if image is not None], 3, size)
