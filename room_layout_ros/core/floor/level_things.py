@@ -18,6 +18,7 @@ from ..frame import CameraIntrinsics
 from ..labels import CLUTTER, FLOOR
 from .floor_cells import FREE_CELL
 from .floor_pixels import FLYING_PIXEL, NOTHING, OBSTACLE_PIXEL, camera_height, pixel_rays
+from .thing_edges import DEEP_M, STRAYS, how_deep, is_wide, joined, to_its_legs
 
 _HANGS_M = 0.12
 """What begins lower stands on the floor: as far as it is seen, its cells hold its surface."""
@@ -26,23 +27,16 @@ _SAME_LEVEL_M, _SAME_RANGE_M, _ROWS_APART = 0.08, 0.5, 1.5
 """The next pixel up is of the same thing if it is no farther from the last in height, and over the floor; or, of a top
 that is seen flat, no more than so many times as far as it goes from one row to the next."""
 
-_THIN_M, _DEEP_M, _SHALLOW_M = 0.10, 1.2, 0.1
-"""The edge of a level surface is no higher than the first. Behind its farthest pixel such a surface may go on for the
-second (a table is long, seen from its corner), other things for the third."""
+_THIN_M, _SHALLOW_M = 0.10, 0.1
+"""The edge of a level surface is no higher than the first. Behind its farthest pixel such a surface may go on for
+`DEEP_M` and more (`thing_edges.py`), other things for the second."""
 
-_WIDE_M, _DESK_M = 0.8, 0.9
-"""A front that rises through the camera's height, if it is as wide as the first, is no back of a chair but a desk or a
-cupboard, and may go on behind its edge for the second."""
+_DESK_M = 0.9
+"""A wide front that rises through the camera's height is no back of a chair but a desk or a cupboard, and may go on
+behind its edge so far."""
 
-_CUT_OFF = 0.5
-"""Of its width has to be seen where a side of the picture cuts a thing off."""
-
-_NARROW_M, _END_M, _TIMES_WIDE = 0.6, 1.0, 2.0
-"""An edge of this to this width may be the end of a table that is so many times as long as wide."""
-
-_LEG_M, _LEG_SEEN_M, _OVER_LEGS_M, _AT_LEGS_M = 0.15, 0.2, 0.2, 2.0
-"""What is seen behind an edge, ends at it and is no wider than the first, for the second in height, is a leg of the
-same table, which goes on for the third behind it. No leg is farther than the last."""
+_LEG_SEEN_M = 0.2
+"""What is seen behind an edge and ends at it, for so much in height, may be a leg of the same table."""
 
 _LOW_M, _LONG_M = 0.40, 2.0
 """One that hangs lower than the first is a bed or a sofa, and may go on for the second."""
@@ -62,9 +56,6 @@ _BESIDE_M = 0.3
 
 _CLOSING = np.ones((3, 3), np.uint8)
 """Between two hidden cells there is no free one."""
-
-_STRAYS = 2
-"""So many pixels of noise in a row part no edge from its legs, and make no legs of a cupboard."""
 
 _LEVEL = 1e-6
 """Rays that rise or fall by no more are level."""
@@ -136,15 +127,15 @@ def _follow_columns(inverse, kind, labels, cell, intrinsics, T, corner, grid):  
                 look_wide = v % _ROWS == 0 and columns[_WIDE, u] == 0.0
                 if look_wide or columns[_DEEP, u] == 0.0:
                     if u > end:
-                        begin, end = _joined(inverse[v], kind[v], u, side, 0)
+                        begin, end = joined(inverse[v], kind[v], u, side, 0)
                     wide_m = (end - begin + 1) / (intrinsics[0] * w)
                     if look_wide:
-                        columns[_WIDE, u] = _is_wide(wide_m, begin, end, width)
+                        columns[_WIDE, u] = is_wide(wide_m, begin, end, width)
                     if columns[_DEEP, u] == 0.0:
                         if u > edge_end:
-                            edge_begin, edge_end = _joined(inverse[v], kind[v], u, side, _STRAYS)
-                            to_legs = _to_its_legs(columns[_BEHIND, edge_begin : edge_end + 1], intrinsics[0] * w)
-                        columns[_DEEP, u] = max(_how_deep(wide_m), to_legs)
+                            edge_begin, edge_end = joined(inverse[v], kind[v], u, side, STRAYS)
+                            to_legs = to_its_legs(columns[_BEHIND, edge_begin : edge_end + 1], intrinsics[0] * w)
+                        columns[_DEEP, u] = max(how_deep(wide_m), to_legs)
             if goes_on and (cell[v, u] < 0 or not free[cell[v, u]]):
                 columns[_LAST, u], follows[u] = w, _THING
                 continue
@@ -182,61 +173,6 @@ def _row_goes_on(inverse, kind, follows, last, closer, on):  # type: ignore[no-u
         seen = (kind[u] == OBSTACLE_PIXEL) | ((kind[u] == NOTHING) & (w > np.float32(0.0)))
         followed = (follows[u] == _PIXEL) | (follows[u] == _THING)
         on[u] = seen & followed & (abs(w - last[u]) < closer * w * last[u])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _joined(inverse, kind, u, step_m, strays):  # type: ignore[no-untyped-def]
-    """First and last column of what is joined with a pixel of a thing in its row, over so many strays.
-
-    `step_m` : by how much neighbours of one thing may differ in depth, m.
-    """
-    ends = [u, u]
-    for side, step in enumerate((-1, 1)):
-        k = u + step
-        while 0 <= k < len(inverse) and abs(k - ends[side]) <= strays + 1:
-            last = inverse[ends[side]]
-            if kind[k] == OBSTACLE_PIXEL and abs(inverse[k] - last) < step_m * last * inverse[k]:
-                ends[side] = k
-            k += step
-    return ends[0], ends[1]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _is_wide(wide_m, first, last, width):  # type: ignore[no-untyped-def]
-    """Whether a thing is wide; cut off by a side of a picture of that width, it may be twice as wide."""
-    enough = _WIDE_M
-    if first == 0:
-        enough *= _CUT_OFF
-    if last == width - 1:
-        enough *= _CUT_OFF
-    return wide_m >= enough
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _how_deep(wide_m):  # type: ignore[no-untyped-def]
-    """How far a level thing may go on behind an edge of that width, m."""
-    return max(_DEEP_M, _TIMES_WIDE * wide_m) if _NARROW_M <= wide_m <= _END_M else _DEEP_M
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _to_its_legs(behind, pixels_per_m):  # type: ignore[no-untyped-def]
-    """How far a table goes on behind its edge to the last of its legs, m; 0 where none is seen.
-
-    `behind` : `_BEHIND` of each column of the edge.
-    """
-    deep, k = 0.0, 0
-    while k < len(behind):
-        if behind[k] <= 0.0:
-            k += 1
-            continue
-        begin, last, farthest = k, k, behind[k]
-        while k < len(behind) and k - last <= _STRAYS + 1:
-            if behind[k] > 0.0:
-                last, farthest = k, max(farthest, behind[k])
-            k += 1
-        if last - begin + 1 <= _LEG_M * pixels_per_m and farthest <= _AT_LEGS_M:
-            deep = max(deep, farthest + _OVER_LEGS_M)
-    return deep
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -319,7 +255,7 @@ def _to_next_row(r, level, rays):  # type: ignore[no-untyped-def]
     _, _, _, up, along_below, up_below = rays
     if up > -_LEVEL or level > -_LEVEL:
         return 0.0
-    return min(r - along_below * level / up_below, _DEEP_M)
+    return min(r - along_below * level / up_below, DEEP_M)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -336,7 +272,7 @@ def _go_on_without_depth(follows, columns, rays, above_floor, over, u, corner): 
         columns[_RANGE, u] = max(last, r)
         _mark(over, u, rays, last, columns[_RANGE, u], corner)
         return _NO_DEPTH
-    _mark(over, u, rays, last, columns[_LOST_FROM, u] + _DEEP_M, corner)
+    _mark(over, u, rays, last, columns[_LOST_FROM, u] + DEEP_M, corner)
     return _NOTHING
 
 
@@ -358,7 +294,7 @@ def _end(follows, columns, beyond, rays, above_floor, over, u, corner):  # type:
     if front and lowest < _LOW_M:
         far = r + _LONG_M
     elif h - lowest < _THIN_M:
-        far = r + max(_DEEP_M, columns[_DEEP, u])
+        far = r + max(DEEP_M, columns[_DEEP, u])
     else:
         far = r + (_DESK_M if front else _SHALLOW_M)
     if up < -_LEVEL and h < above_floor:
