@@ -14,9 +14,11 @@ import cv2
 
 from room_layout_ros.commands.counts import count
 from room_layout_ros.commands.estimator_options import add_estimator_options, parse_settings, prepared
+from room_layout_ros.commands.frame_words import count_of_frames
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics, refuse_bag_options
 from room_layout_ros.core.estimator import LayoutEstimator
-from room_layout_ros.datasets import DataError, FrameSource, good_samples
+from room_layout_ros.datasets import FrameSource
+from room_layout_ros.datasets.usable import usable_samples
 from room_layout_ros.evaluation.speed import describe_machine, describe_speed, measure_speed
 
 RENDERED_SEED = 4
@@ -38,13 +40,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Measure and print."""
     estimator = LayoutEstimator(parse_settings(arguments.set, arguments.rgb_only))
     source = _source(arguments)
-    frames = [prepared(sample.frame, arguments.rgb_only) for sample in islice(good_samples(source), arguments.frames)]
-    if not frames:
-        raise DataError(f"{source.title} holds no usable frame")
+    samples = islice(usable_samples(source.title, source), arguments.frames)
+    frames = [prepared(sample.frame, arguments.rgb_only) for sample in samples]
     cv2.setNumThreads(1)  # as the node and `estimate` work
     camera = frames[0].camera
     print(describe_machine())
-    print(f"{source.title}: {len(frames)} frames of {camera.width}x{camera.height}")
+    print(f"{source.title}: {count_of_frames(len(frames))} of {camera.width}x{camera.height}")
     print(describe_speed(measure_speed(frames, estimator)))
     return 0
 

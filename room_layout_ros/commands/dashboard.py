@@ -29,8 +29,9 @@ from room_layout_ros.core.freespace import free_space_of_frame
 from room_layout_ros.core.labels import LABEL_COLORS, LABEL_NAMES
 from room_layout_ros.core.picture import draw_overlay
 from room_layout_ros.core.tracking import TemporalPrior, next_prior
-from room_layout_ros.datasets import DataError, FrameSource, good_samples
+from room_layout_ros.datasets import DataError, FrameSource
 from room_layout_ros.datasets.images import encode_image
+from room_layout_ros.datasets.usable import usable_samples
 from room_layout_ros.evaluation.face_text import distance_text
 from room_layout_ros.evaluation.floor_picture import FloorGrid
 from room_layout_ros.listening import listen
@@ -91,16 +92,16 @@ def show_source(board: Board, source: FrameSource, end: float, loop: bool = Fals
     Raises
     ------
     DataError
-        When there is no usable frame.
+        When there is no usable frame, with the first reason.
     """
     estimator = LayoutEstimator()
     while True:
-        prior, shown, begun, first_ns = TemporalPrior(), 0, time.monotonic(), 0
-        for sample in told_first(good_samples(source), estimator.config):
+        prior, begun, first_ns = TemporalPrior(), time.monotonic(), None
+        for sample in told_first(usable_samples(source.title, source), estimator.config):
             if time.monotonic() > end:
                 return
             frame = sample.frame
-            if shown == 0:
+            if first_ns is None:
                 first_ns = frame.stamp_ns
             due = begun + (frame.stamp_ns - first_ns) * 1e-9
             time.sleep(min(max(0.0, due - time.monotonic()), _LONGEST_WAIT_S))
@@ -109,9 +110,6 @@ def show_source(board: Board, source: FrameSource, end: float, loop: bool = Fals
             milliseconds = 1e3 * (time.perf_counter() - start)
             prior = next_prior(estimate)
             board.show(room_of(frame, estimate, estimator.config, milliseconds))
-            shown += 1
-        if not shown:
-            raise DataError(f"{source.title} holds no usable frame")
         if not loop:
             return
 

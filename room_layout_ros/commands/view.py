@@ -10,13 +10,15 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Iterator
+from itertools import chain, islice
 from pathlib import Path
 
 from room_layout_ros.commands.camera_pose import add_pose_arguments, pose_of
-from room_layout_ros.commands.compiling import tell_if_compiling, told_first
+from room_layout_ros.commands.compiling import tell_if_compiling
 from room_layout_ros.commands.counts import count
 from room_layout_ros.commands.depth_doubts import DepthDoubts, see_depth
 from room_layout_ros.commands.estimator_options import add_estimator_options, parse_settings, prepared
+from room_layout_ros.commands.frame_words import count_of_frames
 from room_layout_ros.commands.output_folder import make_folder
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics
@@ -26,6 +28,7 @@ from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.datasets import BadFrame, DataError, FramesFolder, FrameSource, Sample
 from room_layout_ros.datasets.frame_names import find_name, there_are
 from room_layout_ros.datasets.images import write_image
+from room_layout_ros.datasets.usable import usable_samples
 from room_layout_ros.evaluation.stages import STAGES, draw_all, draw_stage, look_at
 
 
@@ -136,32 +139,33 @@ def _chosen(source: FrameSource, name: str | None) -> Iterator[Sample | BadFrame
     raise DataError(f"{source.title} has no frame {name!r}; {hint}")
 
 
+def _frames(source: FrameSource, arguments: argparse.Namespace) -> Iterator[RgbdFrame]:
+    """Yield what the viewer shows: the named frame, or all that can be used."""
+    if arguments.frame is not None:
+        yield _upright(find_frame(source, arguments.frame), arguments)
+        return
+    for sample in usable_samples(source.title, source):
+        yield _upright(sample.frame, arguments)
+
+
 def _to_viewer(arguments: argparse.Namespace, source: FrameSource, config: EstimatorConfig) -> None:
     from room_layout_ros.evaluation.rerun_log import RerunLog
 
-    estimator, log, count = LayoutEstimator(config), None, 0
-    doubts = DepthDoubts(config, arguments.rgb_only)
-    one = arguments.frame is not None
-    with progress_bar("view", 1 if one else min(arguments.limit, source.length or arguments.limit)) as progress:
-        for item in told_first(_chosen(source, arguments.frame), config, arguments.rgb_only):
-            if isinstance(item, BadFrame):
-                if one:
-                    raise DataError(f"frame {item.name} cannot be used: {item.error}")
-                continue
-            frame = _upright(item.frame, arguments)
-            if arguments.rrd is not None:
-                make_folder("--rrd", arguments.rrd.parent)
-            log = log or (RerunLog.to_viewer() if arguments.rrd is None else RerunLog.to_file(arguments.rrd))
+    estimator, doubts, count = LayoutEstimator(config), DepthDoubts(config, arguments.rgb_only), 0
+    frames = _frames(source, arguments)
+    first = next(frames)  # nothing is made or opened where there is none
+    if arguments.rrd is not None:
+        make_folder("--rrd", arguments.rrd.parent)
+    log = RerunLog.to_viewer() if arguments.rrd is None else RerunLog.to_file(arguments.rrd)
+    tell_if_compiling(config, arguments.rgb_only)
+    most = min(arguments.limit, source.length or arguments.limit) if arguments.frame is None else 1
+    with progress_bar("view", most) as progress:
+        for count, frame in enumerate(islice(chain([first], frames), arguments.limit), 1):
             start = time.perf_counter()
             estimate = estimator.estimate(frame)
             log.add(frame, estimate, 1e3 * (time.perf_counter() - start))
             doubts.add(see_depth(frame, config, estimate))
-            count += 1
             progress(count)
-            if count == arguments.limit:
-                break
-    if log is None:
-        raise DataError(f"{source.title} holds no usable frame")
     log.close()
-    print(arguments.rrd if arguments.rrd is not None else f"{count} frames are in the viewer")
+    print(arguments.rrd if arguments.rrd is not None else f"in the viewer: {count_of_frames(count)}")
     doubts.tell()
