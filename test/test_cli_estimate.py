@@ -292,6 +292,31 @@ def test_a_frame_without_colour_and_usable_depth_is_no_estimate(
     assert [line["status"] for line in lines_of(tmp_path / "out")] == ["OK", "NO_DEPTH"]
 
 
+@pytest.mark.parametrize("dark", [1, 2])
+def test_frames_without_a_room_are_counted_and_not_called_estimated(
+    dark: int, two: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("000000", "000001")[:dark]:
+        for stream, pixels in (("rgb", np.zeros((480, 640, 3), np.uint8)), ("depth", np.zeros((480, 640), np.uint16))):
+            cv2.imwrite(str(two / stream / f"{name}.png"), pixels)
+    assert main(["estimate", str(two), "--out", str(tmp_path / "out")]) == 0
+    assert [line["status"] for line in lines_of(tmp_path / "out")] == [*["NO_ROOM"] * dark, *["OK"] * (2 - dark)]
+    said = capsys.readouterr().err
+    have = "has" if dark == 1 else "have"
+    assert f"{dark} of 2 frames {have} no room: no room in view ({dark})\n" in said
+    assert f"{dark} of 2 frames have no usable depth: no room came of them{ALLOWED}\n" in said
+    assert COLOR_ALONE not in said
+
+
+def test_where_every_frame_has_a_room_nothing_is_said_of_that(
+    walk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["estimate", str(walk), "--limit", "1", "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().err
+    assert "frames: 1 frame; results in " in said
+    assert "no room" not in said
+
+
 @pytest.mark.parametrize(
     "command",
     [["estimate", "--out", "OUT"], ["view", "--out", "OUT.png"], ["evaluate", "--no-report"]],

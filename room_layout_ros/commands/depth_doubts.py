@@ -19,12 +19,23 @@ from room_layout_ros.runtime.diagnosis import depth_unit_question
 
 
 class DepthSeen(NamedTuple):
-    """Whether a frame has depth, whether the estimator can use it, and how large the room looks by it."""
+    """Whether a frame has depth, whether the estimator can use it, and how large the room looks by it.
+
+    `room` is False where none was found.
+    """
 
     there: bool
     usable: bool
     color: bool
     scale: DepthScale | None
+    room: bool = True
+
+    @property
+    def became(self) -> str:
+        """What became of the frame without depth."""
+        if not self.color:
+            return "nothing could be estimated"
+        return "estimated from colour alone, lengths have no unit" if self.room else "no room came of them"
 
 
 def see_depth(frame: RgbdFrame, config: EstimatorConfig, estimate: RoomEstimate | None = None) -> DepthSeen:
@@ -32,7 +43,8 @@ def see_depth(frame: RgbdFrame, config: EstimatorConfig, estimate: RoomEstimate 
     resized = resize_frame(frame, config.working_size_px)
     usable = compute_depth_geometry(resized, config) is not None
     scale = None if estimate is None else measure_scale(frame, estimate)
-    return DepthSeen(frame.depth_m is not None, usable, frame.color is not None and config.use_color, scale)
+    room = estimate is None or estimate.cuboid is not None
+    return DepthSeen(frame.depth_m is not None, usable, frame.color is not None and config.use_color, scale, room)
 
 
 @dataclass(slots=True)
@@ -72,19 +84,23 @@ class DepthDoubts:
         """Return what is odd, in sentences."""
         if self.rgb_only or not self.config.use_depth:
             return []
-        return [sentence for sentence in (self._lost(), _unit_question(self.scales)) if sentence]
+        question = _unit_question(self.scales)
+        return [*self._lost(), *([question] if question else [])]
 
-    def _lost(self) -> str:
-        if not self.lost:
-            return ""
-        there, color = (any(getattr(seen, name) for seen in self.lost) for name in ("there", "color"))
-        became = "estimated from colour alone, lengths have no unit" if color else "nothing could be estimated"
-        c = self.config
+    def _lost(self) -> list[str]:
+        """Return a sentence for each thing that frames without depth became."""
+        groups: dict[str, list[DepthSeen]] = {}
+        for seen in self.lost:
+            groups.setdefault(seen.became, []).append(seen)
+        return [self._sentence(became, those) for became, those in groups.items()]
+
+    def _sentence(self, became: str, those: list[DepthSeen]) -> str:
+        there, c = any(seen.there for seen in those), self.config
         allowed = (
             f"; 16 bit must be millimetres, float metres, and {100 * c.min_valid_depth:g} % of the pixels "
             f"measured from {c.min_depth_m:g} to {c.max_depth_m:g} m"
         )
-        who = "the frame has" if self.frames == 1 else f"{len(self.lost)} of {self.frames} frames have"
+        who = "the frame has" if self.frames == 1 else f"{len(those)} of {self.frames} frames have"
         what = "no usable depth" if there else "no depth"
         return f"{who} {what}: {became}{allowed if there else ''}"
 

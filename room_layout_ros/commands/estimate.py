@@ -20,8 +20,9 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain, islice
 from pathlib import Path
@@ -33,11 +34,13 @@ from room_layout_ros.commands.depth_doubts import DepthDoubts
 from room_layout_ros.commands.earlier_estimates import LINES, SUFFIXES, earlier_files, replace_earlier, until_usable
 from room_layout_ros.commands.estimate_frame import FrameJob, FrameResult, estimate_item, lost_result
 from room_layout_ros.commands.estimator_options import add_estimator_options, parse_settings
+from room_layout_ros.commands.frame_words import count_of_frames, without_room
 from room_layout_ros.commands.interrupts import interrupts_between_items
 from room_layout_ros.commands.models_folder import add_models_argument, usable_models
 from room_layout_ros.commands.output_folder import held_alone, refuse_frames
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_recover_argument, add_topic_arguments, open_with_topics
+from room_layout_ros.core.estimate import Status
 from room_layout_ros.datasets import BadFrame, DataError, FrameSource, Sample
 from room_layout_ros.datasets.images import write_atomically
 from room_layout_ros.datasets.readable import ReadablePart
@@ -101,19 +104,25 @@ def _estimate(arguments: argparse.Namespace, job: FrameJob, source: FrameSource)
     if written.failed == written.frames:
         raise DataError(f"{source.title}: none of {written.frames} frames could be used; {written.first_error}")
     print(f"{source.title}: {written}", file=sys.stderr)
+    if written.no_room:
+        print(without_room(written.no_room, written.frames), file=sys.stderr)
     doubts.tell()
     return 0
 
 
 @dataclass(slots=True)
 class _Written:
-    """What is in the folder so far; `first_error` is of the first frame that could not be used."""
+    """What is in the folder so far.
+
+    `first_error` is of the first frame that could not be used; `no_room` counts frames without a room by the reason.
+    """
 
     out: Path
     doubts: DepthDoubts
     frames: int = 0
     failed: int = 0
     first_error: str = ""
+    no_room: Counter[str] = field(default_factory=Counter)
 
     def write(self, results: Iterator[FrameResult], begin: Callable[[], None], check: Callable[[], None]) -> None:
         """Write images and lines as they come, `check` after each; no line of an earlier run stays beside them.
@@ -138,6 +147,8 @@ class _Written:
         self.frames += 1
         if result.depth is not None:
             self.doubts.add(result.depth)
+            if not result.depth.room:
+                self.no_room[Status[result.line["status"]].value] += 1
         if "error" in result.line:
             self.failed += 1
             self.first_error = self.first_error or f"the first is {result.line['name']}: {result.line['error']}"
@@ -145,4 +156,4 @@ class _Written:
 
     def __str__(self) -> str:
         problems = f", {self.failed} of them could not be used ({self.first_error})" if self.failed else ""
-        return f"{self.frames} frames{problems}; results in {self.out}"
+        return f"{count_of_frames(self.frames)}{problems}; results in {self.out}"
