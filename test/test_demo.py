@@ -18,8 +18,9 @@ from room_frames import CAMERA, room_images, stamp_ns
 
 from room_layout_ros.cli import main as room_layout
 from room_layout_ros.commands import demo, demo_live
+from room_layout_ros.commands.demo_page import DemoFacts, demo_html
 from room_layout_ros.commands.demo_pictures import ANIMATION_FRAMES, evenly, write_animation
-from room_layout_ros.commands.demo_results import read_recording
+from room_layout_ros.commands.demo_results import DIAGNOSTICS, no_room, read_recording
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.core.freespace import compute_free_space
@@ -119,6 +120,7 @@ def test_frames_without_depth_have_no_free_space_and_the_page_says_so(
     assert f"demo: {told}\n" in capsys.readouterr().err
     page = check_page(out)
     assert told in page
+    assert "frames came back as rooms<br><span>by the stamp of the colour image<" in page
     assert "There is no free space to show" in page
     assert not (out / "free-space.png").exists()
 
@@ -135,6 +137,65 @@ def test_depth_of_another_unit_is_asked_about(made: Path, tmp_path: Path, capsys
     assert capsys.readouterr().err.count(f"demo: {asked}") == 1
     assert asked in check_page(out)
     assert "depth unit" not in check_page(made)
+
+
+@pytest.mark.parametrize("dark", [1, N_FRAMES])
+def test_only_rooms_are_counted_as_rooms(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], dark: int
+) -> None:
+    frames, out = tmp_path / "frames", tmp_path / "out"
+    assert room_layout(["convert", str(made / "input"), str(frames)]) == 0
+    for folder in ("rgb", "depth"):
+        for path in sorted((frames / folder).iterdir())[:dark]:
+            pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+            assert pixels is not None
+            cv2.imwrite(str(path), 0 * pixels)
+    assert room_layout(["demo", "--no-node", "--input", str(frames), "--out", str(out)]) == 0
+    page, said = check_page(out), capsys.readouterr().err
+    assert f"<b>{N_FRAMES - dark} of {N_FRAMES}</b>frames came back as rooms" in page
+    told = f"{dark} of {N_FRAMES} frames {'has' if dark == 1 else 'have'} no room: no room in view ({dark})"
+    lost = f"{dark} of {N_FRAMES} frames have no usable depth: no room came of them"
+    for sentence in (told, lost):
+        assert sentence in page
+        assert f"demo: {sentence}" in said
+    assert "colour alone" not in said
+
+
+def test_why_the_node_sent_no_room_is_in_its_last_diagnostics(tmp_path: Path) -> None:
+    counted = {"no estimate: no room in view": "6", "dropped: newer frame": "1", "published": "0"}
+    write_diagnostics(tmp_path / "results", {"no estimate: no room in view": "2"}, counted)
+    with pytest.raises(DataError) as refused:
+        read_recording(next((tmp_path / "results").glob("*.mcap")))
+    why = "no room in view (6), left out for a newer frame as the node was late (1)"
+    assert f"results.mcap holds no room: {why}; recorded was /diagnostics (2)" in str(refused.value)
+
+
+def test_frames_without_a_room_have_the_nodes_reasons_and_no_others() -> None:
+    reasons = no_room({"no estimate: no room in view": "4", "dropped: newer frame": "1", "no floor: none": "3"})
+    (told,) = demo._without_room(reasons, 10, 5)
+    late = "left out for a newer frame as the node was late (1)"
+    assert told == f"5 of 10 frames have no room: no room in view (4), {late}"
+    assert demo._without_room({}, 2, 1) == ("1 of 2 frames has no room: the node does not say why (1)",)
+    assert demo._without_room({}, 2, 2) == ()
+
+
+def write_diagnostics(path: Path, *counted: dict[str, str]) -> None:
+    """Write what a node says of its estimates, once for each."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    store = messages.typestore()
+    types = store.types
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/diagnostics", DIAGNOSTICS, typestore=store)
+        for second, values in enumerate(counted):
+            said = [types["diagnostic_msgs/msg/KeyValue"](key=key, value=value) for key, value in values.items()]
+            status = types["diagnostic_msgs/msg/DiagnosticStatus"](
+                level=0, name="estimator: estimates", message="", hardware_id="", values=said
+            )
+            stamp = types["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
+            header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+            message = types[DIAGNOSTICS](header=header, status=[status])
+            writer.write(connection, second, bytes(store.serialize_cdr(message, DIAGNOSTICS)))
 
 
 def test_each_step_is_told_when_it_begins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -179,7 +240,9 @@ def test_the_next_demo_removes_what_the_last_one_wrote_and_nothing_else(
     assert room_layout(again) == 0
     assert all(path.exists() for path in mine)
     assert not any(path.exists() for path in stale)
-    assert "1 of 1" in check_page(look)
+    page = check_page(look)
+    assert "<b>1 of 1</b>frame came back as a room<br>" in page
+    assert "1 frames" not in page
     (look / "results" / "mine.csv").write_text("x")
     capsys.readouterr()
     assert room_layout(again) == 2
@@ -233,7 +296,7 @@ def test_frames_that_cannot_be_used_are_counted_on_the_page(made: Path, tmp_path
     assert room_layout(["demo", "--no-node", "--input", str(frames), "--out", str(out)]) == 0
     page = check_page(out)
     assert f"{N_FRAMES - 1} of {N_FRAMES - 1}" in page
-    assert "1 frames of the input could not be used" in page
+    assert "1 frame of the input could not be used" in page
 
 
 def test_a_bag_with_two_cameras_is_shown_by_the_topics_named(
@@ -301,7 +364,9 @@ def test_the_node_is_told_to_do_without_a_stream_that_is_not_there(
     assert room_layout(["convert", str(frames), str(bag), "--to", "bag"]) == 0
     words = demo_live.node_words(bag, {})
     assert words == settings
-    assert len(demo_live._played(bag)) == (2 if missing else 3)
+    assert len(demo_live.played_topics(bag)) == (2 if missing else 3)
+    estimated = {"": "colour and depth pair", "depth": "colour image", "rgb": "depth image"}[missing]
+    assert demo._what_is_estimated(bag) == estimated
     by_hand = " ".join(["estimator", *settings])
     first, *_ = demo._by_hand(bag, words, {})
     assert first.split("        # or: ") == [f"ros2 run room_layout_ros {by_hand}", by_hand], "on the page too"
@@ -374,6 +439,37 @@ def test_a_slow_bag_is_played_in_real_time_and_a_quick_one_as_the_node_can(
     monkeypatch.setattr(demo_live, "draw_overlay", lambda *_: None)
     assert demo_live._possible_rate(made / "input", 1.0) == 1.0
     assert 0.02 < demo_live._possible_rate(made / "input", 1 / 30) < 0.3
+
+
+def test_a_single_frame_has_no_rate(made: Path) -> None:
+    assert demo_live._speed(made / "input", [1], None) == 1.0
+    assert demo_live._speed(made / "input", [1], 0.05) == 1.0
+    assert demo_live._speed(made / "input", [1, 2], 0.05) == 0.05
+
+
+@pytest.mark.parametrize(
+    ("speed", "chosen", "notes"),
+    [
+        (0.5, True, ("Played at 0.50 of real time, at which this machine should estimate every frame.",)),
+        (0.5, False, ("Played at 0.50 of real time.",)),
+        (1.0, True, ()),
+    ],
+)
+def test_a_slow_play_is_told_and_why_unless_it_was_asked_for(
+    tmp_path: Path, speed: float, chosen: bool, notes: tuple[str, ...]
+) -> None:
+    log = tmp_path / "recorder.txt"
+    log.write_text('{"/estimator/labels": [5, 0]}\n')
+    with subprocess.Popen([sys.executable, "-c", ""]) as popen:
+        assert demo_live._notes(demo_live.Process("recorder", popen, log), speed, chosen) == notes
+
+
+def test_the_live_page_names_what_was_estimated() -> None:
+    facts = DemoFacts(
+        title="t", source="s", estimated="colour image", without_node="", cards=(), topics=(), animation=Path("a"),
+        sheet=Path("b"), sheets=(), floors=None, mcap=Path("c"), bag=Path("d"), commands=(), notes=(),
+    )  # fmt: skip
+    assert "node turned each colour image into the room" in " ".join(demo_html(facts).split())
 
 
 def test_all_that_the_node_publishes_is_recorded() -> None:

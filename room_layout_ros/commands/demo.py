@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import sys
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import islice
@@ -22,9 +23,9 @@ import numpy as np
 
 from room_layout_ros.commands.camera_pose import add_pose_arguments, given_angles, pose_of, refuse_pose
 from room_layout_ros.commands.counts import count, real, seed
-from room_layout_ros.commands.demo_live import node_words, run_live
+from room_layout_ros.commands.demo_live import node_words, played_topics, run_live
 from room_layout_ros.commands.demo_offline import run_offline
-from room_layout_ros.commands.demo_page import DemoFacts, demo_html
+from room_layout_ros.commands.demo_page import PAIR, DemoFacts, demo_html
 from room_layout_ros.commands.demo_pictures import (
     ANIMATION_TILE,
     Image,
@@ -35,14 +36,17 @@ from room_layout_ros.commands.demo_pictures import (
     write_sheets,
 )
 from room_layout_ros.commands.demo_results import Recording, read_recording
-from room_layout_ros.commands.depth_doubts import DepthDoubts, see_depth
+from room_layout_ros.commands.depth_doubts import DepthDoubts, DepthSeen, see_depth
+from room_layout_ros.commands.frame_words import count_of_frames, without_room
 from room_layout_ros.commands.output_folder import make_folder, remove_files
 from room_layout_ros.commands.progress import progress_bar
 from room_layout_ros.commands.topics import add_topic_arguments, open_with_topics, refuse_bag_options
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.frame import RgbdFrame
 from room_layout_ros.datasets import BadFrame, DataError, FrameSource, Sample, open_source
+from room_layout_ros.datasets.bag_topics import COLOR_TOPIC, DEPTH_TOPIC
 from room_layout_ros.datasets.images import write_atomically
+from room_layout_ros.datasets.usable import usable_samples
 from room_layout_ros.datasets.writers import BagWriter
 from room_layout_ros.evaluation.floor_picture import draw_floor, known_box
 from room_layout_ros.evaluation.measures import score_pixels
@@ -98,26 +102,31 @@ def run(arguments: argparse.Namespace) -> int:
     out: Path = arguments.out
     if arguments.input is not None:
         _refuse_inside(arguments.input, out)
-        _refuse_unusable(source, arguments.frames)
+        # Before an earlier demo is removed for it: refuse an input without a usable frame.
+        next(usable_samples(source.title, islice(source, arguments.frames)))
     _make_folder(out)
     bag = out / "input"
     _say(f"{'render a room' if arguments.input is None else 'read the frames'}, write a bag")
-    doubts = DepthDoubts(EstimatorConfig())
-    look, left_out = _write_bag(source, bag, arguments.frames, doubts)
+    doubts, no_room = DepthDoubts(EstimatorConfig()), Counter[str]()
+    look, depths, left_out = _write_bag(source, bag, arguments.frames, doubts.config)
     pose = given_angles(arguments)
     words = node_words(bag, pose)
     if live:
-        _say(f"play {len(look)} frames into the node and record what it publishes ({_FIRST_TIME})")
+        _say(f"play {count_of_frames(len(look))} into the node and record what it publishes ({_FIRST_TIME})")
         mcap, notes = run_live(bag, out, sorted(look), arguments.rate, words)
     else:
-        _say(f"estimate {len(look)} frames ({_FIRST_TIME})")
+        _say(f"estimate {count_of_frames(len(look))} ({_FIRST_TIME})")
         with progress_bar("estimate", len(look)) as progress:
-            mcap = run_offline(open_source(bag), out / "results", progress, doubts, pose_of(arguments))
+            mcap, no_room = run_offline(open_source(bag), out / "results", progress, doubts, pose_of(arguments))
         notes = ()
     _say("draw the pictures and write the page")
     recording = read_recording(mcap)
+    rooms = recording.rooms.intersection(look)
+    for stamp, depth in depths.items():
+        doubts.add(depth._replace(room=stamp in rooms))
+    roomless = _without_room({**no_room, **recording.no_room}, len(look), len(rooms))
     without = "" if live else "--no-node was given" if arguments.no_node else _NO_ROS
-    odd = (*left_out, *doubts.sentences(), *recording.doubts)
+    odd = (*left_out, *roomless, *doubts.sentences(), *recording.doubts)
     commands = _by_hand(bag, words, pose)
     made = _show(out, source, look, recording, mcap, bag, without, (*odd, *notes), commands)
     for sentence in odd:
@@ -167,16 +176,6 @@ def _refuse_inside(source: Path, out: Path) -> None:
         raise DataError(f"--input {source} lies in --out {out}, where it would be replaced; choose another by --out")
 
 
-def _refuse_unusable(source: FrameSource, limit: int | None) -> None:
-    """Refuse an input without a usable frame before an earlier demo is removed for it."""
-    bad = []
-    for item in islice(source, limit):
-        if not isinstance(item, BadFrame):
-            return
-        bad.append(item)
-    raise DataError(f"{source.title} holds no usable frame" + (f": {bad[0].name}: {bad[0].error}" if bad else ""))
-
-
 def _remove_earlier(out: Path) -> None:
     """Remove what an earlier demo wrote; refuse before anything is gone where a bag's folder holds more."""
     files = {path for pattern in _WRITTEN for path in out.glob(pattern) if path.is_file()}
@@ -198,10 +197,11 @@ class _Seen:
 
 
 def _write_bag(
-    source: FrameSource, bag: Path, limit: int | None, doubts: DepthDoubts
-) -> tuple[dict[int, _Seen], tuple[str, ...]]:
-    """Write the frames as a rosbag2; return by stamp what the page will need of them, and what was left out."""
+    source: FrameSource, bag: Path, limit: int | None, config: EstimatorConfig
+) -> tuple[dict[int, _Seen], dict[int, DepthSeen], tuple[str, ...]]:
+    """Write the frames as a rosbag2; return by stamp what is needed of them and their depth, and what was left out."""
     seen: dict[int, _Seen] = {}
+    depths: dict[int, DepthSeen] = {}
     bad: list[BadFrame] = []
     what = "render and write bag" if source.title.startswith("synthetic") else "write bag"
     with progress_bar(what, source.length if limit is None else limit) as progress, BagWriter(bag) as writer:
@@ -211,11 +211,19 @@ def _write_bag(
                 continue
             writer.write(item)
             seen[item.frame.stamp_ns] = _seen(item)
-            doubts.add(see_depth(item.frame, doubts.config))
+            depths[item.frame.stamp_ns] = see_depth(item.frame, config)
             progress(len(seen))
     if not bad:
-        return seen, ()
-    return seen, (f"{len(bad)} frames of the input could not be used; the first is {bad[0].name}: {bad[0].error}",)
+        return seen, depths, ()
+    words = f"{count_of_frames(len(bad))} of the input could not be used; the first is {bad[0].name}: {bad[0].error}"
+    return seen, depths, (words,)
+
+
+def _without_room(reasons: Mapping[str, int], frames: int, rooms: int) -> tuple[str, ...]:
+    """Say how many of the frames have no room, and why, as far as that is known."""
+    rest = max(0, frames - rooms - sum(reasons.values()))
+    sentence = without_room({**reasons, "the node does not say why": rest}, frames)
+    return (sentence,) if sentence else ()
 
 
 def _seen(sample: Sample) -> _Seen:
@@ -243,9 +251,10 @@ def _show(
     write_animation(animation, [side_by_side(*pictures) for pictures in shown], max(stamps[-1] - stamps[0], 1) * 1e-9)
     facts = DemoFacts(
         title="Room layout" if without else "Room layout, live",
-        source=f"{source.title}, {len(look)} frames",
+        source=f"{source.title}, {count_of_frames(len(look))}",
+        estimated=_what_is_estimated(bag),
         without_node=without,
-        cards=_cards(look, recording, stamps),
+        cards=_cards(look, recording, stamps, _what_is_estimated(bag)),
         topics=recording.topics,
         animation=animation.relative_to(out),
         sheet=sheets[0].relative_to(out),
@@ -270,13 +279,24 @@ def _floors(recording: Recording, stamps: list[int]) -> dict[int, Image]:
     return {stamp: draw_floor(grid, box, ANIMATION_TILE) for stamp, grid in grids.items()}
 
 
-def _cards(look: dict[int, _Seen], recording: Recording, stamps: list[int]) -> list[tuple[str, str, str]]:
-    cards = [(f"{len(stamps)} of {len(look)}", "frames came back as rooms", "paired by the stamp of the depth image")]
+def _what_is_estimated(bag: Path) -> str:
+    """Return what a room is made of: images of both streams, or of the one that the bag has."""
+    topics = played_topics(bag)
+    if COLOR_TOPIC in topics and DEPTH_TOPIC in topics:
+        return PAIR
+    return "colour image" if COLOR_TOPIC in topics else "depth image"
+
+
+def _cards(
+    look: dict[int, _Seen], recording: Recording, stamps: list[int], estimated: str
+) -> list[tuple[str, str, str]]:
+    rooms = len(recording.rooms.intersection(look))
+    what = "frame came back as a room" if len(look) == 1 else "frames came back as rooms"
+    stamp_of = "paired by the stamp of the depth image" if estimated == PAIR else f"by the stamp of the {estimated}"
+    cards = [(f"{rooms} of {len(look)}", what, stamp_of)]
     if "latency_p50_ms" in recording.health:
-        slow = recording.health.get("latency_p99_ms", "-")
-        cards.append(
-            (f"{recording.health['latency_p50_ms']} ms", "pair received to room published", f"median; p99 {slow} ms")
-        )
+        usual, slow = recording.health["latency_p50_ms"], recording.health.get("latency_p99_ms", "-")
+        cards.append((f"{usual} ms", f"{estimated} received to room published", f"median; p99 {slow} ms"))
     errors = []
     for stamp in stamps:
         truth, layout = look[stamp].layout, recording.layout.get(stamp)
@@ -284,9 +304,8 @@ def _cards(look: dict[int, _Seen], recording: Recording, stamps: list[int]) -> l
             errors.append(score_pixels(truth, layout, look[stamp].labels, recording.labels.get(stamp)))
     if errors:
         layout_error = float(np.nanmean([e.layout_error for e in errors]))
-        cards.append(
-            (f"{100 * layout_error:.2f} %", "layout error", f"mean over {len(errors)} frames with a known truth")
-        )
+        known = f"mean over {count_of_frames(len(errors))} with a known truth"
+        cards.append((f"{100 * layout_error:.2f} %", "layout error", known))
         labelling = [e.labelling_error for e in errors if np.isfinite(e.labelling_error)]
         if labelling:
             cards.append(

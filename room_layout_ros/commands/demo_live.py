@@ -99,7 +99,7 @@ def run_live(
     """
     set_transport_profile()
     environment = ros_environment(out)
-    speed = _possible_rate(bag, usual_gap_s(stamps_ns)) if rate is None else rate
+    speed = _speed(bag, stamps_ns, rate)
     results = out / "results"
     with _processes() as start:
         log = out / "log"
@@ -107,19 +107,18 @@ def run_live(
         recorder = start(
             "recorder", ["-m", "room_layout_ros.recording", *recorded_topics(), "--out", str(results)], environment, log
         )
-        played = _played(bag)
         node = start("estimator", ["-m", "room_layout_ros.node", *settings], environment, log)
         words = ["--rate", f"{speed:.3f}", "--wait-for-subscribers", "1", "--wait-timeout", f"{START_S:g}"]
-        words += ["--topics", *played]
+        words += ["--topics", *played_topics(bag)]
         player = start("player", ["-m", "room_layout_ros.cli", "play", str(bag), *words], environment, log)
         _watch((recorder, node), player, duration_s(stamps_ns) / speed)
         time.sleep(_QUIET_S)
         node.stop()
         recorder.stop()
-    return _recorded(results, recorder), _notes(recorder, len(stamps_ns), speed)
+    return _recorded(results, recorder), _notes(recorder, speed, chosen=rate is None)
 
 
-def _played(bag: Path) -> list[str]:
+def played_topics(bag: Path) -> list[str]:
     """Return the topics to play."""
     with open_reader(bag) as reader:
         there = {connection.topic for connection in reader.connections}
@@ -129,7 +128,7 @@ def _played(bag: Path) -> list[str]:
 def node_words(bag: Path, pose: Mapping[str, float]) -> list[str]:
     """Return the words that let the node do without a stream that the bag has not, and know how the camera hangs."""
     uses = {"use_color": COLOR_TOPIC, "use_depth": DEPTH_TOPIC}
-    there = _played(bag)
+    there = played_topics(bag)
     settings = [f"{name}:=false" for name, topic in uses.items() if topic not in there]
     settings += ["pose_source:=parameters", *(f"{name}:={value}" for name, value in pose.items())] if pose else []
     words = [word for setting in settings for word in ("-p", setting)]
@@ -216,6 +215,13 @@ def _watch(others: tuple[Process, ...], player: Process, seconds: float) -> None
         raise DataError(f"the player failed: {player.last_words()} (log: {player.log}, and {node.log})")
 
 
+def _speed(bag: Path, stamps_ns: Sequence[int], rate: float | None) -> float:
+    """Return the multiple of real time to play at; a single frame knows none."""
+    if len(stamps_ns) == 1:
+        return 1.0
+    return _possible_rate(bag, usual_gap_s(stamps_ns)) if rate is None else rate
+
+
 def _possible_rate(bag: Path, gap_s: float) -> float:
     """Return a rate at which the node estimates every frame, measured on the bag's first frames, `gap_s` apart."""
     estimator, taken_s = LayoutEstimator(), []
@@ -236,19 +242,16 @@ def _recorded(results: Path, recorder: Process) -> Path:
     return files[0]
 
 
-def _notes(recorder: Process, frames: int, speed: float) -> tuple[str, ...]:
+def _notes(recorder: Process, speed: float, chosen: bool) -> tuple[str, ...]:
+    """Say what was lost on the way, and how fast the bag was played; `chosen` where that was measured, not given."""
     notes = []
     counts: dict[str, list[int]] = {}
     with contextlib.suppress(ValueError):
         counts = json.loads(recorder.last_words())
-    arrived, lost = counts.get(f"{NODE}/labels", [0, 0])
-    if arrived < frames:
-        notes.append(
-            f"{frames - arrived} of {frames} frames have no result: the node takes the newest pair when it is late."
-        )
+    _, lost = counts.get(f"{NODE}/labels", [0, 0])
     if lost:
         notes.append(f"{lost} label images were lost on the way to the recorder.")
     if speed < 0.995:
-        why = "" if arrived < frames else ", so that this machine estimates every frame"
+        why = ", at which this machine should estimate every frame" if chosen else ""
         notes.append(f"Played at {speed:.2f} of real time{why}.")
     return tuple(notes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -39,7 +40,7 @@ def run_offline(
     progress: Callable[[int], object],
     doubts: DepthDoubts,
     pose: CameraPose = UPRIGHT,
-) -> Path:
+) -> tuple[Path, Counter[str]]:
     """Estimate every frame in order, with warm starts as the node has them, and write an MCAP.
 
     Parameters
@@ -58,22 +59,27 @@ def run_offline(
     -------
     Path
         The .mcap file.
+    Counter
+        Frames without a room, by the reason.
     """
     from rosbags.rosbag2 import StoragePlugin, Writer
 
     estimator, prior = LayoutEstimator(EstimatorConfig()), TemporalPrior()
     connections: dict[str, Any] = {}
+    no_room: Counter[str] = Counter()
     with Writer(out, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         for count, sample in enumerate(good_samples(source), 1):
             estimate = pose.estimate(estimator, sample.frame, prior)
             prior = next_prior(estimate)
             doubts.weigh(measure_scale(sample.frame, estimate))
+            if estimate.cuboid is None:
+                no_room[estimate.status.value] += 1
             for topic, kind, raw in _messages(sample.frame, estimate, estimator.config):
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind, typestore=typestore())
                 writer.write(connections[topic], sample.frame.stamp_ns, raw)
             progress(count)
-    return next(out.glob("*.mcap"))
+    return next(out.glob("*.mcap")), no_room
 
 
 def _messages(frame: RgbdFrame, estimate: RoomEstimate, config: EstimatorConfig) -> list[tuple[str, str, bytes]]:

@@ -11,6 +11,9 @@ from room_layout_ros.core.labels import CLUTTER, LABEL_COLORS, LABEL_NAMES
 from room_layout_ros.evaluation import page
 from room_layout_ros.evaluation.floor_picture import FREE_COLOR, OCCUPIED_COLOR, UNKNOWN_COLOR
 
+PAIR = "colour and depth pair"
+"""What a room is made of where both streams are there."""
+
 
 @dataclass(frozen=True, slots=True)
 class DemoFacts:
@@ -18,7 +21,8 @@ class DemoFacts:
 
     Attributes
     ----------
-    title, source : what was shown. without_node : why it went without; "" if live, over DDS.
+    title, source : what was shown. estimated : what a room is made of, as `PAIR`.
+    without_node : why it went without; "" if live, over DDS.
     cards : (number, what, beside). topics : (name, type, messages) of the recording.
     animation, sheet, mcap, bag : paths relative to the page. sheets : all contact sheets. floors : picture of the free
         space of some frames; None where no frame has any.
@@ -27,6 +31,7 @@ class DemoFacts:
 
     title: str
     source: str
+    estimated: str
     without_node: str
     cards: Sequence[tuple[str, str, str]]
     topics: Sequence[tuple[str, str, int]]
@@ -40,9 +45,9 @@ class DemoFacts:
     notes: Sequence[str]
 
 
-_LIVE = """A player published the frames as ROS 2 topics, the <code>estimator</code> node turned each colour and depth
-pair into the room you see, and a recorder wrote down what the node published: three processes, talking over DDS like on
-a robot. Everything on this page comes from that recording."""
+_LIVE = """A player published the frames as ROS 2 topics, the <code>estimator</code> node turned each {estimated} into
+the room you see, and a recorder wrote down what the node published: three processes, talking over DDS like on a robot.
+Everything on this page comes from that recording."""
 
 _OFFLINE = """so the same bag went through the same estimator without the node. What you see is the same; left out are
 the transport over DDS and the topics that are not listed below."""
@@ -82,7 +87,7 @@ def demo_html(facts: DemoFacts) -> str:
         *_floors(facts.floors),
         *(f"<p><b>Note:</b> {escape(note)}</p>" for note in facts.notes),
         "<h2>What just happened</h2>",
-        f"<p>{f'{escape(facts.without_node)}, {_OFFLINE}' if facts.without_node else _LIVE}</p>",
+        f"<p>{_happened(facts)}</p>",
         "<h2>Contact sheet</h2>",
         _image(facts.sheet, "contact sheet"),
         f"<p>Every frame: {', '.join(more)}</p>" if more else "",
@@ -93,6 +98,12 @@ def demo_html(facts: DemoFacts) -> str:
         f"<pre><code>{escape(chr(10).join(facts.commands))}</code></pre>",
     ]
     return page.page(facts.title, body)
+
+
+def _happened(facts: DemoFacts) -> str:
+    if facts.without_node:
+        return f"{escape(facts.without_node)}, {_OFFLINE}"
+    return _LIVE.format(estimated=escape(facts.estimated))
 
 
 def _floors(picture: Path | None) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from room_layout_ros.commands.frame_words import counted
 from room_layout_ros.datasets import DataError
 from room_layout_ros.datasets.bag import open_reader, raw_messages
 from room_layout_ros.datasets.bag_messages import IMAGE, OCCUPANCY_GRID, decode, stamp_of
@@ -20,6 +22,9 @@ Image = NDArray[np.uint8]
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _ESTIMATES = ": estimates"
 _CHANNELS = {"mono8": 1, "rgb8": 3}
+_NO_ESTIMATE, _DROPPED = "no estimate: ", "dropped: "
+_WORDS = {f"{_DROPPED}newer frame": "left out for a newer frame as the node was late"}
+"""What the node counts, where its words for it say little outside /diagnostics."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +48,16 @@ class Recording:
     health: dict[str, str]
     doubts: tuple[str, ...]
 
+    @property
+    def rooms(self) -> set[int]:
+        """Stamps of the frames that came back as rooms."""
+        return {stamp for stamp, layout in self.layout.items() if layout.any()}
+
+    @property
+    def no_room(self) -> dict[str, int]:
+        """How many frames have no room, by the reason that the node gives; empty without a node."""
+        return no_room(self.health)
+
 
 def read_recording(path: Path) -> Recording:
     """Read a recorded MCAP.
@@ -50,7 +65,7 @@ def read_recording(path: Path) -> Recording:
     Raises
     ------
     DataError
-        When it is missing, damaged, or holds no overlay.
+        When it is missing, damaged, or holds no overlay: with what the node says of the frames.
     """
     pictures: dict[str, dict[int, Image]] = {"overlay": {}, "layout": {}, "labels": {}}
     counts: Counter[tuple[str, str]] = Counter()
@@ -75,8 +90,18 @@ def read_recording(path: Path) -> Recording:
     topics = tuple((topic, kind, count) for (topic, kind), count in sorted(counts.items()))
     if not pictures["overlay"]:
         seen = ", ".join(f"{t} ({n})" for t, _, n in topics) or "nothing"
-        raise DataError(f"{path} holds no overlay picture; recorded was {seen}")
+        why = counted(no_room(health)) or "the node does not say why"
+        raise DataError(f"{path} holds no room: {why}; recorded was {seen}")
     return Recording(topics, **pictures, free_space=free_space, health=health, doubts=doubts)
+
+
+def no_room(health: Mapping[str, str]) -> dict[str, int]:
+    """Return how many frames have no room, by the reason, of what the node said of itself last."""
+    return {
+        _WORDS.get(key, key.removeprefix(_NO_ESTIMATE)): int(count)
+        for key, count in health.items()
+        if key.startswith((_NO_ESTIMATE, _DROPPED))
+    }
 
 
 def pixels(message: Any) -> Image:
