@@ -22,7 +22,8 @@ import pytest
 from numpy.typing import NDArray
 
 from room_layout_ros.cli import main as room_layout
-from room_layout_ros.commands.dashboard import room_of, show_source
+from room_layout_ros.commands import dashboard
+from room_layout_ros.commands.dashboard import room_of, show_source, stay
 from room_layout_ros.commands.dashboard_ears import Ears
 from room_layout_ros.commands.dashboard_page import dashboard_html
 from room_layout_ros.commands.dashboard_room import MOST_POINTS, Cloud, Room, state_of
@@ -250,6 +251,30 @@ def test_a_fault_after_the_first_room_reaches_the_page(board: Board, server: Thr
     assert said == {"waiting": "nothing is heard of /estimator for 5 s"}
     ears.on_diagnostics(diagnostics(("estimator: input colour", "colour at 8.0 Hz", {})))
     assert json.loads(get(server, f"state.json?after={number}")) == {"waiting": "colour at 8.0 Hz"}
+
+
+ENDED = "the input has ended; with --loop it starts again"
+
+
+def test_the_end_of_the_input_is_told_to_every_page(board: Board, server: ThreadingHTTPServer) -> None:
+    board.show(Room("000007"))
+    assert json.loads(get(server, "state.json"))["ended"] == ""
+    stay(board, time.monotonic() + 0.1)
+    assert json.loads(get(server, "state.json"))["ended"] == ENDED
+    assert json.loads(get(server, "state.json?after=0")) == {"ended": ENDED}
+
+
+@pytest.mark.parametrize(
+    ("lasts_s", "said"), [(0.0, f"{ENDED}; its last frame stays on the page\n"), (0.3, "")], ids=["ended", "cut_off"]
+)
+def test_the_end_of_the_input_is_told_in_the_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], lasts_s: float, said: str
+) -> None:
+    pytest.importorskip("plotly", reason="plotly is not installed (extra viz)")
+    monkeypatch.setattr(dashboard, "open_with_topics", lambda *_: SyntheticSource(frames=1, seed=4))
+    monkeypatch.setattr(dashboard, "show_source", lambda *_: time.sleep(lasts_s))
+    assert room_layout(["dashboard", "my_bag", "--port", "0", "--seconds", "0.2"]) == 0
+    assert capsys.readouterr().err == said
 
 
 def test_a_page_that_is_opened_late_is_told_how_old_the_room_is(board: Board, server: ThreadingHTTPServer) -> None:

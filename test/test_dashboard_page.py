@@ -254,6 +254,47 @@ def test_frames_per_second_are_counted(page: Page, rooms: list[Room]) -> None:
     assert rates[-1] > 0
 
 
+RATE = "document.getElementById('rate')._fullData"
+
+
+def test_the_rate_falls_when_frames_stop_and_the_chart_goes_on(rooms: list[Room], tmp_path: Path) -> None:
+    board = Board("ten a second")
+    board.show(replace(rooms[0], name="before"))
+    for page in open_page(board, tmp_path):
+        page.wait()
+        feed(board, rooms[0], seconds=4.0)
+        time.sleep(4.0)
+        ages, heights = page.browser.value(f"[{RATE}[0].x, {RATE}[0].y]")
+        assert 8.0 < max(heights) < 11.5, "that of the frames, not of the drawing"
+        assert heights[-1] < 0.5
+        assert -3.0 < ages[-1] <= 0.0
+        assert ages[heights.index(max(heights))] < -2.5
+        assert page.browser.errors == []
+
+
+def feed(board: Board, room: Room, seconds: float) -> None:
+    """Show ten rooms a second."""
+    begun = time.monotonic()
+    for k in range(round(10 * seconds)):
+        time.sleep(max(0.0, begun + k / 10 - time.monotonic()))
+        board.show(replace(room, name=f"{k} tenths"))
+
+
+@pytest.mark.parametrize(("gap_s", "expected"), [(0.1, 10.0), (1.0, 1.0), (4.0, 0.25)])
+def test_the_rate_is_that_of_frames_however_slow(page: Page, gap_s: float, expected: float) -> None:
+    """By times of our own: an answer each tenth of a second, a frame each `gap_s`."""
+    page.wait()
+    rates = page.browser.value(f"""(() => {{
+        const kept = seen.splice(0), rates = [];
+        for (let k = 0; k < 200; k++) {{
+            count(k / 10, Math.floor(k / 10 / {gap_s} + 1e-9));
+            if (k > 100) rates.push(framesPerSecond());
+        }}
+        seen.splice(0, Infinity, ...kept);
+        return rates }})()""")
+    assert rates == pytest.approx([expected] * len(rates), rel=0.05)
+
+
 @pytest.mark.parametrize(
     ("metric", "unit"), [(True, " [m]"), (False, " [front wall = 1]"), (None, "")], ids=["depth", "color", "not_told"]
 )
@@ -369,6 +410,22 @@ def test_why_no_other_room_comes_is_said_when_the_last_is_old(rooms: list[Room],
         page.browser.wait_for(f"{AGE}.textContent.startsWith('frame at 2 s, ')")
         page.browser.wait_for(f"/^frame at 2 s, [0-2].. s ago$/.test({AGE}.textContent) && {AGE}.className === ''")
         assert page.browser.value(f"{NUMBERS}.className") == ""
+        assert page.browser.errors == []
+
+
+def test_the_end_of_the_input_is_said_and_is_no_fault(rooms: list[Room], tmp_path: Path) -> None:
+    board = Board("a bag")
+    board.show(replace(rooms[0], name="000007"))
+    for page in open_page(board, tmp_path):
+        page.wait()
+        board.ended = "the input has ended; with <--loop> it starts again"
+        said = f"frame 000007, the last: {board.ended}"
+        page.browser.wait_for(f"{AGE}.textContent === '{said}'")
+        page.browser.wait_for("performance.now() - drawnAt > 3500")
+        page.browser.open(page.browser.value("location.href"))  # a page that is opened late
+        page.browser.wait_for("typeof drawn !== 'undefined' && drawn >= 0")
+        page.browser.wait_for(f"{AGE}.textContent !== 'waiting for the first room'")
+        assert page.browser.value(f"[{AGE}.textContent, {AGE}.className, {NUMBERS}.className]") == [said, "", ""]
         assert page.browser.errors == []
 
 

@@ -39,6 +39,7 @@ from room_layout_ros.listening import listen
 _NODE = "/estimator"
 _JPEG_QUALITY = 85
 _LONGEST_WAIT_S = 2.0
+_ENDED = "the input has ended; with --loop it starts again"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,8 +73,8 @@ def run(arguments: argparse.Namespace) -> int:
             listen("room_layout_dashboard", Ears(board, node).listeners(), end)
         else:
             show_source(board, source, end, arguments.loop, pose_of(arguments))
-            while time.monotonic() < end:  # the last room stays on show
-                time.sleep(min(0.2, max(0.0, end - time.monotonic())))
+            if time.monotonic() < end:
+                stay(board, end)
     except KeyboardInterrupt:
         pass
     finally:
@@ -82,6 +83,14 @@ def run(arguments: argparse.Namespace) -> int:
     if board.look()[0] < 0 and (reason := board.reason()):
         print(f"no room was shown: {reason}", file=sys.stderr)
     return 0
+
+
+def stay(board: Board, end: float) -> None:
+    """Keep the last room on show, and say that it is the last."""
+    board.ended = _ENDED
+    print(f"{_ENDED}; its last frame stays on the page", file=sys.stderr, flush=True)
+    while (left := end - time.monotonic()) > 0:
+        time.sleep(min(0.2, left))
 
 
 def show_source(board: Board, source: FrameSource, end: float, loop: bool = False, pose: CameraPose = UPRIGHT) -> None:

@@ -109,12 +109,23 @@ function drawStages(state) {
 }
 
 const SPAN_S = 60, WINDOW_S = 2, seen = [], rate = {x: [], y: []};
-function drawRate(state) {
+let answeredS = -Infinity;
+function count(now, frames) {
+  answeredS = now;
+  if (frames !== seen.at(-1)?.[1]) seen.push([now, frames]);
+  while (seen.length > 2 && now - seen[1][0] >= WINDOW_S) seen.shift();
+}
+function framesPerSecond() {
+  const [since, before] = seen[0], [last, frames] = seen.at(-1), came = frames - before;
+  // The next frame has not come yet: with it there would be so many at most.
+  const silence = answeredS - last, most = silence < WINDOW_S ? (came + 1) / (answeredS - since) : 1 / silence;
+  return came && Math.min(came / (last - since), most);
+}
+function drawRate() {
   const now = performance.now() / 1000;
-  seen.push([now, state.frames]);
-  while (seen.length > 2 && now - seen[0][0] > WINDOW_S) seen.shift();
-  const [since, frames] = seen[0];
-  if (now > since) { rate.x.push(now); rate.y.push((state.frames - frames) / (now - since)); }
+  // In less time the count says little: of 10 per second two may come within a tenth.
+  const from = rate.x.at(-1) ?? seen[0][0] + WINDOW_S;
+  if (answeredS > from) { rate.x.push(answeredS); rate.y.push(framesPerSecond()); }
   while (rate.x.length && now - rate.x[0] > SPAN_S) { rate.x.shift(); rate.y.shift(); }
   return Plotly.react("rate", [{type: "scatter", mode: "lines", x: rate.x.map(t => t - now), y: [...rate.y],
     line: {color: "#6db0ff", width: 2}, fill: "tozeroy", hovertemplate: "%{y:.1f} per second<extra></extra>"}], dark({
@@ -147,36 +158,40 @@ async function draw(state) {
   if (held) waiting = state; else await drawRoom(state);
   await drawPlan(state);
 }
-// Charts need not change with each frame.
+// Charts need not change with each frame; the rate changes without one, too.
 let charted = null, chartedAt = -Infinity;
-async function chart(state) {
+async function chart() {
   const now = performance.now();
-  if (state === charted || now - chartedAt < CHART_MS) return;
-  charted = state; chartedAt = now;
-  await Promise.all([drawStages(state), drawRate(state)]);
+  if (now - chartedAt < CHART_MS) return;
+  const stages = newest !== charted && drawStages(newest);
+  charted = newest; chartedAt = now;
+  await Promise.all([stages, drawRate()]);
 }
 function tellAge(answered) {
-  const age = (performance.now() - drawnAt) / 1000, old = shown >= 0 && age > OLD_S;
+  const age = (performance.now() - drawnAt) / 1000, old = !ended && shown >= 0 && age > OLD_S;
   const why = reason && (old || shown < 0) ? `: ${reason}` : "";
   $("age").className = !answered || old ? "bad" : "";
-  $("age").textContent = !answered ? "the dashboard has ended"
+  $("age").textContent = !answered ? "the dashboard has ended" : ended ? `frame ${name}, the last: ${ended}`
     : (shown < 0 ? "waiting for the first room" : `frame ${name}, ${age.toFixed(1)} s ago`) + why;
   $("numbers").className = old && why ? "old" : "";  // they say what was so then
 }
-let newest = null, reason = "";
+let newest = null, reason = "", ended = "";
 async function poll() {
   const begun = performance.now();
-  // undefined: no answer. null: nothing new. waiting: nothing new, and why.
+  // undefined: no answer. null: nothing new. waiting: nothing new, and why. ended: no more will come, and why.
   const state = await fetch("state.json?after=" + shown).then(answer => answer.json()).catch(() => undefined);
+  const isRoom = state && "number" in state;
+  if (isRoom) newest = state;
+  if (state) { reason = state.waiting ?? reason; ended = state.ended ?? ""; }
+  if (newest && state !== undefined) count(performance.now() / 1000, newest.frames);
   try {
-    if (state && "waiting" in state) reason = state.waiting;
-    else if (state) {
-      newest = state; shown = state.number; name = state.name;
+    if (isRoom) {
+      shown = state.number; name = state.name;
       drawnAt = performance.now() - 1000 * state.age_s;  // a page that is opened late gets an old room
       await draw(state);
       drawn = state.number;
     }
-    if (newest) await chart(newest);
+    if (newest) await chart();
   } finally {
     tellAge(state !== undefined);
     setTimeout(poll, Math.max(REST_MS, POLL_MS - (performance.now() - begun)));

@@ -49,6 +49,8 @@ class Board:
         self._overlays: OrderedDict[int, bytes] = OrderedDict()
         self.reason: Callable[[], str] = str
         """Says in words why no room comes, "" where nothing is to say; it is called by any thread."""
+        self.ended = ""
+        """Says in words that no other room will come: what is shown is the last."""
 
     def show(self, room: Room) -> None:
         """Replace what is shown; a room of the same name is the same frame with more of its parts."""
@@ -152,12 +154,13 @@ class _Handler(BaseHTTPRequestHandler):
     def _state(self, query: str) -> dict[str, Any] | None:
         """Return the newest room; where the page has it, or there is none, why no other comes; None: nothing to say."""
         number, frames, room = self.shown.look()
-        reason = self.shown.reason()
+        reason, ended = self.shown.reason(), self.shown.ended
         if number < 0:
             return {"waiting": reason}
         if parse_qs(query).get("after") == [str(number)]:
-            return {"waiting": reason} if reason else None
-        return {**state_of(number, frames, room), "age_s": self.shown.age_s()}
+            said = {"waiting": reason, "ended": ended}
+            return {what: words for what, words in said.items() if words} or None
+        return {**state_of(number, frames, room), "age_s": self.shown.age_s(), "ended": ended}
 
     def _overlay(self, query: str) -> bytes:
         """Return the picture of the frame that the page has numbers of, else of the newest."""
