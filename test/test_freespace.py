@@ -13,9 +13,19 @@ from numpy.typing import NDArray
 from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.cuboids import compute_object_cuboids
 from room_layout_ros.core.depth import compute_depth_geometry
-from room_layout_ros.core.floor.depth_holes import close_holes
 from room_layout_ros.core.floor.cell_margins import keep_away
-from room_layout_ros.core.floor.floor_cells import BLIND, BRIDGE, FINE, HOLE, OBSTACLE, SEEN, FloorCells, sum_floor_cells
+from room_layout_ros.core.floor.depth_holes import close_holes
+from room_layout_ros.core.floor.floor_cells import (
+    BLIND,
+    BRIDGE,
+    FINE,
+    HOLE,
+    OBSTACLE,
+    SEEN,
+    TOUCHED,
+    FloorCells,
+    sum_floor_cells,
+)
 from room_layout_ros.core.floor.floor_frame import floor_frame, room_outline, walls_on_floor
 from room_layout_ros.core.floor.floor_pixels import OBSTACLE_PIXEL, WALL_PIXEL
 from room_layout_ros.core.floor.floor_plane import FloorFit, FloorPlane, fit_floor
@@ -466,6 +476,28 @@ def test_clouds_leave_walls_out_and_keep_small_things() -> None:
     floor = result.floor @ sample.T_world_camera[:3, :3].T + sample.T_world_camera[:3, 3]
     assert len(floor) > 1000
     assert np.abs(floor[:, 2]).max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("beside_m", "sigma_m", "free"), [(0.015, 0.002, True), (0.005, 0.002, False), (0.015, 0.01, False)]
+)
+def test_beside_a_thing_a_cell_is_free_as_near_as_its_side_is_known(
+    beside_m: float, sigma_m: float, free: bool
+) -> None:
+    """Two columns of the picture are 8 mm at 2 m; with noise of 2 cm it counts two centimetres beside a cell."""
+    sample, _ = look(empty(Solid(0.4, 0.4 + beside_m, 0.0, 0.4, 0.4, 0.0, 0.3, 5, GREY, thing=1)))
+    geometry = compute_depth_geometry(sample.frame, CONFIG)
+    assert geometry is not None
+    assert sample.truth is not None
+    assert sample.truth.down_camera is not None
+    fit = FloorFit(sample.truth.down_camera, 1.2, np.full(24, sigma_m), np.zeros((1, 1)), "")
+    holes = np.zeros(geometry.inverse_depth.shape, np.uint8)
+    T = floor_frame(fit.normal, 1.2)
+    cells = sum_floor_cells(geometry, holes, holes, fit, T, np.empty((0, 4)), CONFIG)
+    beside = cells.sums[83, 31:37, TOUCHED]  # 15 to 20 cm to the left
+    assert (cells.sums[84, 31:37, OBSTACLE] > 0).all()
+    assert (cells.sums[83, 31:37, SEEN] > 0.9).all()
+    assert (beside == 0).all() if free else (beside > 0).all()
 
 
 def test_before_a_wall_the_margin_is_what_was_asked() -> None:
