@@ -20,7 +20,7 @@ import pytest
 pytest.importorskip("rclpy", reason="rclpy is not installed (pip: extra ros)")
 pytest.importorskip("rosbags", reason="rosbags is not installed (pip: extra playback)")
 
-from processes import python, read_until, rest, slack
+from processes import ManyNodes, python, read_until, rest, slack
 from rclpy.context import Context
 from rclpy.node import Node
 from room_frames import FRAME_ID, room_frame, stamp_ns
@@ -38,6 +38,14 @@ NODE = ("-m", "room_layout_ros.node", "--ros-args")
 FRAMES = 75
 RELIABILITY = "qos_overrides./rgb/image_rect_color.subscription.reliability"
 DEPTH = "qos_overrides./depth_registered/image_rect/compressedDepth.subscription.depth"
+
+
+@pytest.fixture(scope="module")
+def many(repository: Path) -> Iterator[ManyNodes]:
+    """Starts nodes that end at once, without loading anew for each."""
+    nodes = ManyNodes(repository)
+    yield nodes
+    nodes.close()
 
 
 def remapped(namespace: str, *parameters: str) -> Sequence[str]:
@@ -242,11 +250,10 @@ def end_in_time(node: subprocess.Popen[str], number: signal.Signals) -> None:
     ),
 )
 def test_f33_wrong_settings_at_the_start_are_a_sentence_and_exit_code_2(
-    repository: Path, parameter: str, words: str
+    many: ManyNodes, parameter: str, words: str
 ) -> None:
-    with python(repository, *NODE, "-p", *parameter.split()) as node:
-        said = rest(node, 30)
-    assert node.returncode == 2, said
+    code, said = many.run("--ros-args", "-p", *parameter.split())
+    assert code == 2, said
     assert "Traceback" not in said
     assert words in said.splitlines()[-1]
 
@@ -352,13 +359,12 @@ def test_f33_a_missing_parameter_file_is_a_sentence_and_exit_code_2(repository: 
 
 @pytest.mark.parametrize(("text", "line"), (("camera_height: 1.0", 1), ("estimator:\n  camera_height: 1.0", 2)))
 def test_f33_a_parameter_file_without_ros_parameters_is_a_sentence_and_exit_code_2(
-    repository: Path, tmp_path: Path, text: str, line: int
+    many: ManyNodes, tmp_path: Path, text: str, line: int
 ) -> None:
     file = tmp_path / "my.yaml"
     file.write_text(text)
-    with python(repository, *NODE, "--params-file", str(file)) as node:
-        said = rest(node, 30)
-    assert node.returncode == 2, said
+    code, said = many.run("--ros-args", "--params-file", str(file))
+    assert code == 2, said
     words = "'camera_height' has to stand below ros__parameters, and that below the name of the node"
     assert said == f"estimator: --params-file {file}, line {line}: {words}: see config/estimator.yaml\n"
 
@@ -373,10 +379,9 @@ def test_f33_a_parameter_file_without_ros_parameters_is_a_sentence_and_exit_code
         ("-r __node:=a-b", "remap rule: '-r __node:=a-b'. Error: it is wrong behind its first 9 characters"),
     ),
 )
-def test_f33_what_only_ros_finds_wrong_names_no_place_in_its_source(repository: Path, given: str, words: str) -> None:
-    with python(repository, *NODE, *given.split()) as node:
-        said = rest(node, 30)
-    assert node.returncode == 2, said
+def test_f33_what_only_ros_finds_wrong_names_no_place_in_its_source(many: ManyNodes, given: str, words: str) -> None:
+    code, said = many.run("--ros-args", *given.split())
+    assert code == 2, said
     assert said.splitlines()[-1].startswith("estimator: Couldn't parse")
     assert words in said.splitlines()[-1]
     assert "/project/" not in said
@@ -427,10 +432,9 @@ def test_f33_a_parameter_file_of_other_nodes_is_a_warning_at_the_start(repositor
     assert "config/nav2_costmap.yaml holds nothing for /estimator; it is for /local_costmap/local_costmap" in line
 
 
-def test_f33_a_domain_that_is_none_is_a_sentence_and_exit_code_2(repository: Path) -> None:
-    with python(repository, *NODE, ROS_DOMAIN_ID="9999") as node:
-        said = rest(node, 30)
-    assert node.returncode == 2, said
+def test_f33_a_domain_that_is_none_is_a_sentence_and_exit_code_2(many: ManyNodes) -> None:
+    code, said = many.run("--ros-args", ROS_DOMAIN_ID="9999")
+    assert code == 2, said
     assert said == "estimator: ROS_DOMAIN_ID is '9999'; it must be a whole number of 0 to 232\n"
 
 
