@@ -29,6 +29,7 @@ from room_layout_ros.learning.context import (
 )
 from room_layout_ros.learning.context_table import ContextTable, collect_table, join_tables
 from room_layout_ros.learning.folds import SYNTHETIC_FIRST, folds_of, row_folds
+from room_layout_ros.learning.forest_export import BINS
 from room_layout_ros.learning.synthetic_frames import random_frames
 
 CONFIG = EstimatorConfig(superpixel_count=70)
@@ -37,6 +38,15 @@ SETTINGS = ContextSettings(
     trees=8, leaves=8, face_trees=3, face_leaves=6, learning_rate=0.3, synthetic_frames=10, degraded_every=4
 )
 Folder = tuple[FramesFolder, dict[str, RoomCuboid]]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _few_bins() -> Iterator[None]:
+    """The bins of a feature are nine tenths of the time of so small a training."""
+    with pytest.MonkeyPatch.context() as patch:
+        for forest in BINS:
+            patch.setitem(BINS, forest, 4)
+        yield
 
 
 @pytest.fixture(scope="module")
