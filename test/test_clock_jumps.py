@@ -16,7 +16,7 @@ from msg_adapters import messages
 
 pytestmark = pytest.mark.dds
 
-LOOPS = 4
+LOOPS = 2
 
 
 def lines_with(words: str, capfd: pytest.CaptureFixture[str]) -> list[str]:

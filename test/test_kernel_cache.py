@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -40,14 +41,28 @@ drop_stale_kernels(Path(__file__).parent)
 """
 
 
-@pytest.fixture
-def package(tmp_path: Path) -> Path:
-    folder = tmp_path / "kernels"
+def written(parent: Path) -> Path:
+    """Write the package of kernels, which nobody has compiled."""
+    folder = parent / "kernels"
     folder.mkdir()
     files = {"callee": CALLEE, "caller": CALLER, "alone": ALONE, "numbers": "STEP = 1\n", "__init__": INIT}
     for name, text in files.items():
         (folder / f"{name}.py").write_text(text)
     return folder
+
+
+@pytest.fixture(scope="module")
+def once_compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A package whose kernels are kept, to be copied."""
+    package = written(tmp_path_factory.mktemp("compiled"))
+    assert outer_of_1(package) == 20
+    return package
+
+
+@pytest.fixture
+def package(once_compiled: Path, tmp_path: Path) -> Path:
+    """A package whose kernels are kept."""
+    return shutil.copytree(once_compiled, tmp_path / "kernels")
 
 
 def outer_of_1(package: Path) -> int:
@@ -63,7 +78,6 @@ def compiled(package: Path) -> set[str]:
 
 
 def test_a_change_in_a_called_kernel_and_in_its_constant_reaches_the_caller(package: Path) -> None:
-    assert outer_of_1(package) == 20
     (package / "callee.py").write_text(CALLEE.replace("x + STEP", "x + 2 * STEP"))
     assert outer_of_1(package) == 30
     (package / "numbers.py").write_text("STEP = 2\n")
@@ -71,7 +85,6 @@ def test_a_change_in_a_called_kernel_and_in_its_constant_reaches_the_caller(pack
 
 
 def test_only_what_hangs_on_the_change_is_compiled_anew(package: Path) -> None:
-    outer_of_1(package)
     assert compiled(package) >= {"alone", "caller"}
     assert drop_stale_kernels(package) == []
     (package / "numbers.py").write_text("STEP = 3\n")
@@ -90,7 +103,6 @@ def test_a_module_that_is_imported_by_its_name_counts_too(package: Path, line: s
 
 @pytest.mark.parametrize("text", ["", "[1]", "{"], ids=["empty", "a list", "cut off"])
 def test_a_broken_stamp_file_means_all_anew(package: Path, text: str) -> None:
-    outer_of_1(package)
     (package / "__pycache__" / STAMPS).write_text(text)
     assert len(drop_stale_kernels(package)) == 3
     assert compiled(package) == set()
@@ -98,7 +110,8 @@ def test_a_broken_stamp_file_means_all_anew(package: Path, text: str) -> None:
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_folder_that_cannot_be_written_is_left_alone(package: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_left_alone(tmp_path: Path) -> None:
+    package = written(tmp_path)
     package.chmod(0o500)
     assert drop_stale_kernels(package) == []
     package.chmod(0o700)
