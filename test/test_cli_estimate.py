@@ -36,6 +36,8 @@ from room_layout_ros.datasets.writers import STORAGES, BagWriter, FolderWriter
 
 KINDS = ("layout", "labels", "furniture")
 
+pytestmark = pytest.mark.usefixtures("few_draws")
+
 
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:

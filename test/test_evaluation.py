@@ -39,6 +39,8 @@ CAMERA = CameraIntrinsics(640, 480, 520.0, 520.0, 319.5, 239.5)
 ROOM = RoomCuboid(np.eye(3), np.array([1.3, 1.2, 1.5, 3.0, 1.4]))
 N_FRAMES = 3
 
+pytestmark = pytest.mark.usefixtures("few_draws")  # but for `rendered`, which is made before
+
 
 def room_sample(name: str = "a", seed: int = 0) -> Sample:
     """The analytic room, every pixel measured with 5 mm of noise, all of it wall (1), floor (2), ceiling (22)."""

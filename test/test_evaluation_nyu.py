@@ -17,6 +17,8 @@ from room_layout_ros.datasets.nyu import NYU_CAMERA
 
 pytest.importorskip("h5py", reason="h5py is not installed (extra datasets)")
 
+pytestmark = pytest.mark.usefixtures("few_draws")
+
 NUMBERS = (2, 4, 5)
 N_FRAMES = 5
 WALL_894, TABLE_894 = 21, 19

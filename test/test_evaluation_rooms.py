@@ -30,6 +30,8 @@ from room_layout_ros.evaluation.scores import ROOM_FIGURES, FrameScore, run, sco
 CAMERA = CameraIntrinsics(160, 120, 130.0, 130.0, 79.5, 59.5)
 ROOM = RoomCuboid(np.eye(3), np.array([1.0, 1.2, 1.5, 3.0, np.inf]))
 
+pytestmark = pytest.mark.usefixtures("few_draws")
+
 
 def sample_of(room: RoomCuboid | None) -> Sample:
     layout = ROOM.raster(CAMERA)
