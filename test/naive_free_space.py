@@ -194,7 +194,7 @@ def _in_shade(
 ) -> bool:
     """A thing lower than the camera hides the floor of a place too, and is nowhere nearer before it than 30 cm."""
     camera_height = float(-T[:3, 2] @ T[:3, 3])
-    for k in range(int(robot_height_m / 0.05 + 1e-6) + 1):
+    for k in range(max(int(robot_height_m / 0.05 + 1e-6), int(np.ceil(camera_height / 0.05))) + 1):
         u, v, z = _pixel(camera, T, place + (0.0, 0.0, 0.05 * k))
         col, row = round(u), round(v)
         if z >= 0.1 and row < 0:

@@ -290,7 +290,7 @@ def test_a_frame_without_colour_and_usable_depth_is_no_estimate(
     shutil.rmtree(two / "rgb")
     (two / "depth" / "000001.png").write_bytes(cv2.imencode(".png", np.zeros((480, 640), np.uint16))[1].tobytes())
     assert main(["estimate", str(two), "--out", str(tmp_path / "out")]) == 0
-    assert f"1 of 2 frames have no usable depth: nothing could be estimated{ALLOWED}\n" in capsys.readouterr().err
+    assert f"1 of 2 frames has no usable depth: nothing could be estimated{ALLOWED}\n" in capsys.readouterr().err
     assert [line["status"] for line in lines_of(tmp_path / "out")] == ["OK", "NO_DEPTH"]
 
 
@@ -306,7 +306,7 @@ def test_frames_without_a_room_are_counted_and_not_called_estimated(
     said = capsys.readouterr().err
     have = "has" if dark == 1 else "have"
     assert f"{dark} of 2 frames {have} no room: no room in view ({dark})\n" in said
-    assert f"{dark} of 2 frames have no usable depth: no room came of them{ALLOWED}\n" in said
+    assert f"{dark} of 2 frames have no usable depth: no room was found{ALLOWED}\n" in said
     assert COLOR_ALONE not in said
 
 
@@ -562,7 +562,7 @@ def test_an_earlier_run_stays_where_the_next_one_is_not_possible(
     before = files_of(out)
     if why == "no scheduler":
         pytest.importorskip("distributed", reason="distributed is not installed (extra train)")
-        monkeypatch.setattr("room_layout_ros.parallel.CONNECT_TIMEOUT_S", 1)
+        monkeypatch.setattr("room_layout_ros.parallel.CONNECT_TIMEOUT_S", 0.2)
         words, said = ["--scheduler", "tcp://127.0.0.1:9"], "no Dask scheduler answers at tcp://127.0.0.1:9"
     else:
         source, said = tmp_path / "frames", "none of 4 frames could be"

@@ -95,17 +95,26 @@ class Page:
         return np.asarray(image[y : y + height, x : x + width, ::-1], np.uint8)
 
 
-def open_page(board: Board, folder: Path) -> Iterator[Page]:
+def open_page(board: Board, browser: Browser) -> Iterator[Page]:
     server = serve(board, 0)
-    browser = Browser(folder, WINDOW)
+    browser.errors.clear()
     try:
         browser.open(f"http://{HOST}:{server.server_address[1]}/")
         browser.wait_for("typeof drawn !== 'undefined'")
         yield Page(board, server, browser)
     finally:
-        browser.close()
+        browser.open("about:blank")  # asks nothing of a server that has ended
+        browser.wait_for("location.href === 'about:blank'")
         server.shutdown()
         server.server_close()
+
+
+def open_browser(folder: Path) -> Iterator[Browser]:
+    browser = Browser(folder, WINDOW)
+    try:
+        yield browser
+    finally:
+        browser.close()
 
 
 def share_of_color(pixels: NDArray[np.uint8], color: NDArray[np.uint8]) -> float:
@@ -125,9 +134,17 @@ def rooms() -> list[Room]:
 
 @pytest.fixture(scope="module")
 def page(rooms: list[Room], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    """The page of most tests."""
     board = Board("rendered frames")
     board.show(rooms[0])
-    yield from open_page(board, tmp_path_factory.mktemp("browser"))
+    for browser in open_browser(tmp_path_factory.mktemp("browser")):
+        yield from open_page(board, browser)
+
+
+@pytest.fixture(scope="module")
+def other(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """A browser for tests that open a page of their own."""
+    yield from open_browser(tmp_path_factory.mktemp("other"))
 
 
 @pytest.fixture
@@ -257,10 +274,10 @@ def test_frames_per_second_are_counted(page: Page, rooms: list[Room]) -> None:
 RATE = "document.getElementById('rate')._fullData"
 
 
-def test_the_rate_falls_when_frames_stop_and_the_chart_goes_on(rooms: list[Room], tmp_path: Path) -> None:
+def test_the_rate_falls_when_frames_stop_and_the_chart_goes_on(rooms: list[Room], other: Browser) -> None:
     board = Board("ten a second")
     board.show(replace(rooms[0], name="before"))
-    for page in open_page(board, tmp_path):
+    for page in open_page(board, other):
         page.wait()
         feed(board, rooms[0], seconds=4.0)
         time.sleep(4.0)
@@ -295,6 +312,21 @@ def test_the_rate_is_that_of_frames_however_slow(page: Page, gap_s: float, expec
     assert rates == pytest.approx([expected] * len(rates), rel=0.05)
 
 
+def test_a_dashboard_that_is_started_anew_counts_anew(page: Page) -> None:
+    page.wait()
+    rate = page.browser.value("""(() => {
+        const kept = seen.splice(0);
+        for (let k = 0; k < 50; k++) count(k / 10, 100 + k);
+        count(5.0, 1);
+        for (let k = 1; k < 30; k++) count(5.0 + k / 10, 1 + k);
+        const rate = framesPerSecond();
+        count(8.0, 1);
+        const anew = seen.length;
+        seen.splice(0, Infinity, ...kept);
+        return [rate, anew] })()""")
+    assert rate == [pytest.approx(10.0, rel=0.05), 1]
+
+
 @pytest.mark.parametrize(
     ("metric", "unit"), [(True, " [m]"), (False, " [front wall = 1]"), (None, "")], ids=["depth", "color", "not_told"]
 )
@@ -311,7 +343,7 @@ def test_a_frame_without_floor_says_so(page: Page, rooms: list[Room]) -> None:
     page.board.show(Room("no floor", overlay=rooms[0].overlay, polygons=rooms[0].polygons))
     page.wait()
     assert page.traces("plan", "t.type") == ["scatter"]
-    assert "no floor in view" in page.browser.value("document.getElementById('plan').textContent")
+    assert "no free space" in page.browser.value("document.getElementById('plan').textContent")
 
 
 def test_at_eight_frames_a_second_the_page_keeps_up_with_the_newest(page: Page, rooms: list[Room]) -> None:
@@ -394,11 +426,11 @@ def test_the_picture_is_asked_for_before_the_room_is_drawn(page: Page, rooms: li
 AGE, NUMBERS = "document.getElementById('age')", "document.getElementById('numbers')"
 
 
-def test_why_no_other_room_comes_is_said_when_the_last_is_old(rooms: list[Room], tmp_path: Path) -> None:
+def test_why_no_other_room_comes_is_said_when_the_last_is_old(rooms: list[Room], other: Browser) -> None:
     board, why = Board("node /estimator"), "no colour for 13 s on </rgb>"
     board.reason = lambda: why
     board.show(replace(rooms[0], name="at 1 s"))
-    for page in open_page(board, tmp_path):
+    for page in open_page(board, other):
         page.wait()
         page.browser.wait_for(f"{NUMBERS}.className === 'old'")  # they are no longer true
         assert page.browser.value(f"{AGE}.className") == "bad"
@@ -413,10 +445,10 @@ def test_why_no_other_room_comes_is_said_when_the_last_is_old(rooms: list[Room],
         assert page.browser.errors == []
 
 
-def test_the_end_of_the_input_is_said_and_is_no_fault(rooms: list[Room], tmp_path: Path) -> None:
+def test_the_end_of_the_input_is_said_and_is_no_fault(rooms: list[Room], other: Browser) -> None:
     board = Board("a bag")
     board.show(replace(rooms[0], name="000007"))
-    for page in open_page(board, tmp_path):
+    for page in open_page(board, other):
         page.wait()
         board.ended = "the input has ended; with <--loop> it starts again"
         said = f"frame 000007, the last: {board.ended}"
@@ -429,8 +461,8 @@ def test_the_end_of_the_input_is_said_and_is_no_fault(rooms: list[Room], tmp_pat
         assert page.browser.errors == []
 
 
-def test_a_page_without_a_room_waits_and_says_when_the_dashboard_ends(tmp_path: Path) -> None:
-    for page in open_page(Board("nothing yet"), tmp_path):
+def test_a_page_without_a_room_waits_and_says_when_the_dashboard_ends(other: Browser) -> None:
+    for page in open_page(Board("nothing yet"), other):
         page.browser.wait_for("performance.now() > 1000")
         assert page.browser.value("document.getElementById('age').textContent") == "waiting for the first room"
         page.board.reason = lambda: "no depth on </nothing>"
@@ -445,11 +477,11 @@ def test_a_page_without_a_room_waits_and_says_when_the_dashboard_ends(tmp_path: 
 
 
 @pytest.mark.data
-def test_a_corridor_is_shown_up_to_where_it_is_of_use(data_root: Path, tmp_path: Path) -> None:
+def test_a_corridor_is_shown_up_to_where_it_is_of_use(data_root: Path, other: Browser) -> None:
     board = Board("corridor")
     frame, estimator = find_frame(open_source(data_root / "corridor"), "0040"), LayoutEstimator()
     board.show(room_of(frame, estimator.estimate(frame), estimator.config))
-    for page in open_page(board, tmp_path):
+    for page in open_page(board, other):
         page.wait()
         ranges = page.browser.value(
             "['xaxis', 'yaxis', 'zaxis'].map(a => document.getElementById('room')._fullLayout.scene[a].range)"

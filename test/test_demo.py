@@ -154,7 +154,7 @@ def test_only_rooms_are_counted_as_rooms(
     page, said = check_page(out), capsys.readouterr().err
     assert f"<b>{N_FRAMES - dark} of {N_FRAMES}</b>frames came back as rooms" in page
     told = f"{dark} of {N_FRAMES} frames {'has' if dark == 1 else 'have'} no room: no room in view ({dark})"
-    lost = f"{dark} of {N_FRAMES} frames have no usable depth: no room came of them"
+    lost = f"{dark} of {N_FRAMES} frames have no usable depth: no room was found"
     for sentence in (told, lost):
         assert sentence in page
         assert f"demo: {sentence}" in said

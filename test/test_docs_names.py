@@ -61,6 +61,25 @@ def test_every_section_of_the_method_that_is_cited_is_there() -> None:
     assert {name: sections for name, sections in lacking.items() if sections} == {}
 
 
+def heading_anchors(text: str) -> set[str]:
+    """Return the anchors that GitHub gives the headings of a page."""
+    headings = re.findall(r"^#+ (.+)$", text, flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def test_links_between_pages_lead_somewhere() -> None:
+    pages = [REPOSITORY / "README.md", REPOSITORY / "CONTRIBUTING.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
+    links = [
+        (page, *link)
+        for page in pages
+        for link in re.findall(r"\]\(([\w./-]*)(?:#([\w-]+))?\)", page.read_text("utf-8"))
+    ]
+    assert len(links) > 40
+    assert [(page.name, file) for page, file, _ in links if not (page.parent / file).exists()] == []
+    targets = [(page.parent / file if file else page, anchor) for page, file, anchor in links if anchor]
+    assert [link for link in targets if link[1] not in heading_anchors(link[0].read_text("utf-8"))] == []
+
+
 @pytest.fixture(params=PAGES)
 def page(request: pytest.FixtureRequest) -> str:
     return (REPOSITORY / request.param).read_text("utf-8")

@@ -248,14 +248,16 @@ def test_what_the_pictures_side_cuts_off_may_stand_in_the_margin() -> None:
     assert (hidden[1] & ~hidden[0]).any()
 
 
+@pytest.mark.parametrize("robot_m", [2.0, 0.6])
 @pytest.mark.parametrize(
     ("high_m", "x", "y", "free"), [(0.5, 1.82, 0.32, True), (0.5, 1.55, 0.27, False), (1.5, 1.82, 0.32, False)]
 )
 def test_the_edge_of_a_things_shade_is_free_where_the_floor_beside_it_is_seen(
-    high_m: float, x: float, y: float, free: bool
+    high_m: float, x: float, y: float, free: bool, robot_m: float
 ) -> None:
     """Not close behind its front, where its side may go back, and not behind what the camera does not see over."""
-    _, free_space = look(empty(box(0.3, 0.0, 0.5, high_m)))
+    sample, _ = look(empty(box(0.3, 0.0, 0.5, high_m)))
+    free_space = free_space_of(sample.frame, with_truth(sample), replace(CONFIG, robot_height_m=robot_m))
     assert (cell_at(free_space, x, y) == FREE_CELL) == free
     assert cell_at(free_space, x, y - 0.1) != FREE_CELL
     assert cell_at(free_space, x, y + 0.1) == FREE_CELL

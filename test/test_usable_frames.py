@@ -11,6 +11,7 @@ from frames_on_disk import make_samples, write_folder
 from room_layout_ros.cli import main
 from room_layout_ros.commands.dashboard import show_source
 from room_layout_ros.commands.dashboard_server import Board
+from room_layout_ros.commands.view import find_frame
 from room_layout_ros.datasets import BadFrame, DataError, Sample, open_source
 from room_layout_ros.datasets.usable import usable_samples
 
@@ -63,3 +64,14 @@ def test_usable_frames_are_all_there_whatever_is_between_them() -> None:
     assert [sample.name for sample in usable_samples("bag x", items)] == [first.name, second.name]
     with pytest.raises(DataError, match=r"^bag x holds no usable frame$"):
         list(usable_samples("bag x", []))
+
+
+def test_without_a_name_view_shows_the_first_frame_that_can_be_used(tmp_path: Path) -> None:
+    path = write_folder(tmp_path / "frames", make_samples(2, np.random.default_rng(0)))
+    source = open_source(path)
+    names = [item.name for item in source]
+    damaged = path / "depth" / f"{names[0]}.png"
+    damaged.write_bytes(damaged.read_bytes()[:100])
+    assert find_frame(open_source(path), None).name == names[1]
+    with pytest.raises(DataError, match=f"frame {names[0]} cannot be used: "):
+        find_frame(open_source(path), names[0])

@@ -89,7 +89,8 @@ function planTraces(grid) {
   return traces;
 }
 function drawPlan(state) {
-  const none = {text: "no floor in view", showarrow: false, xref: "paper", yref: "paper", x: 0.5, y: 0.5};
+  const none = {text: "no free space: it needs depth, and floor in view", showarrow: false, xref: "paper",
+    yref: "paper", x: 0.5, y: 0.5};
   return Plotly.react("plan", planTraces(state.grid), dark({
     margin: {l: 48, r: 8, t: 8, b: 42}, showlegend: false, dragmode: "pan", annotations: state.grid ? [] : [none],
     xaxis: axis("left [m]", {autorange: "reversed", constrain: "domain", zeroline: false}),
@@ -112,6 +113,7 @@ const SPAN_S = 60, WINDOW_S = 2, seen = [], rate = {x: [], y: []};
 let answeredS = -Infinity;
 function count(now, frames) {
   answeredS = now;
+  if (frames < seen.at(-1)?.[1]) seen.length = 0;  // the dashboard was started anew
   if (frames !== seen.at(-1)?.[1]) seen.push([now, frames]);
   while (seen.length > 2 && now - seen[1][0] >= WINDOW_S) seen.shift();
 }

@@ -17,6 +17,8 @@ from room_layout_ros.datasets import Sample
 from room_layout_ros.runtime.depth_scale import DepthScale, measure_scale
 from room_layout_ros.runtime.diagnosis import depth_unit_question
 
+from .frame_words import who_has
+
 
 class DepthSeen(NamedTuple):
     """Whether a frame has depth, whether the estimator can use it, and how large the room looks by it.
@@ -35,7 +37,7 @@ class DepthSeen(NamedTuple):
         """What became of the frame without depth."""
         if not self.color:
             return "nothing could be estimated"
-        return "estimated from colour alone, lengths have no unit" if self.room else "no room came of them"
+        return "estimated from colour alone, lengths have no unit" if self.room else "no room was found"
 
 
 def see_depth(frame: RgbdFrame, config: EstimatorConfig, estimate: RoomEstimate | None = None) -> DepthSeen:
@@ -100,9 +102,8 @@ class DepthDoubts:
             f"; 16 bit must be millimetres, float metres, and {100 * c.min_valid_depth:g} % of the pixels "
             f"measured from {c.min_depth_m:g} to {c.max_depth_m:g} m"
         )
-        who = "the frame has" if self.frames == 1 else f"{len(those)} of {self.frames} frames have"
         what = "no usable depth" if there else "no depth"
-        return f"{who} {what}: {became}{allowed if there else ''}"
+        return f"{who_has(len(those), self.frames)} {what}: {became}{allowed if there else ''}"
 
 
 def _unit_question(scales: list[DepthScale]) -> str:

@@ -16,10 +16,12 @@ def without_room(reasons: Mapping[str, int], of: int) -> str:
     `reasons` : frames by reason.
     """
     count = sum(reasons.values())
-    if not count:
-        return ""
-    who = "the frame has" if of == 1 else f"{count} of {of} frames {'has' if count == 1 else 'have'}"
-    return f"{who} no room: {counted(reasons)}"
+    return f"{who_has(count, of)} no room: {counted(reasons)}" if count else ""
+
+
+def who_has(count: int, of: int) -> str:
+    """Return "the frame has", "1 of 6 frames has" or "2 of 6 frames have"."""
+    return "the frame has" if of == 1 else f"{count} of {of} frames {'has' if count == 1 else 'have'}"
 
 
 def counted(reasons: Mapping[str, int]) -> str:

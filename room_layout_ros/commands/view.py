@@ -35,7 +35,7 @@ from room_layout_ros.evaluation.stages import STAGES, draw_all, draw_stage, look
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `view`."""
     parser.add_argument("input", type=Path, metavar="INPUT", help="frames folder, rosbag2 or NYU .mat")
-    parser.add_argument("--frame", metavar="NAME", help="name of the frame (default: the first)")
+    parser.add_argument("--frame", metavar="NAME", help="name of the frame (default: the first that can be used)")
     parser.add_argument("--stage", choices=list(STAGES), help="one stage at full size instead of all")
     parser.add_argument(
         "--out",
@@ -107,32 +107,28 @@ def find_frame(source: FrameSource, name: str | None) -> RgbdFrame:
     DataError
         When there is no such frame, or it cannot be used.
     """
-    for item in _chosen(source, name):
-        if isinstance(item, BadFrame):
-            raise DataError(f"frame {item.name} cannot be used: {item.error}")
-        return item.frame
-    raise DataError(f"{source.title} holds no frame")
+    if name is None:
+        return next(usable_samples(source.title, source)).frame
+    item = _named(source, name)
+    if isinstance(item, BadFrame):
+        raise DataError(f"frame {item.name} cannot be used: {item.error}")
+    return item.frame
 
 
-def _chosen(source: FrameSource, name: str | None) -> Iterator[Sample | BadFrame]:
-    """Yield the named frame alone, or all of them.
+def _named(source: FrameSource, name: str) -> Sample | BadFrame:
+    """Return the frame of that name.
 
     Raises
     ------
     DataError
-        When there is none of the name, after all have been looked at.
+        When there is none, after all have been looked at.
     """
-    if name is None:
-        yield from source
-        return
     if isinstance(source, FramesFolder):
-        yield from source.subset((find_name(name, source.names),))  # straight to its files
-        return
+        return next(iter(source.subset((find_name(name, source.names),))))  # straight to its files
     others = []
     for item in source:
         if item.name == name:
-            yield item
-            return
+            return item
         others.append(item.name)
     meant = find_name(name, others)
     hint = there_are(others) if meant == name else f"did you mean {meant!r}?"

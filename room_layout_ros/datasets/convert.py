@@ -11,6 +11,7 @@ from .errors import DataError
 from .folder import FramesFolder
 from .readable import ReadablePart
 from .sample import BadFrame, FrameSource
+from .usable import no_usable_frame
 from .writers import SampleWriter
 
 
@@ -60,6 +61,5 @@ def copy_frames(
         if items.damage is not None and not (recover and written):
             raise items.damage
         if not written:
-            reason = f": {bad[0].error}" if bad else ""
-            raise DataError(f"{source.title} has no usable frame{reason}")
+            raise no_usable_frame(source.title, bad[0] if bad else None)
     return Conversion(written, tuple(bad), items.damage)

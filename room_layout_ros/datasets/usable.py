@@ -25,5 +25,10 @@ def usable_samples(title: str, items: Iterable[Sample | BadFrame]) -> Iterator[S
         usable = True
         yield item
     if not usable:
-        why = "" if first is None else f": {first.name}: {first.error}"
-        raise DataError(f"{title} holds no usable frame{why}")
+        raise no_usable_frame(title, first)
+
+
+def no_usable_frame(title: str, first: BadFrame | None) -> DataError:
+    """Return the refusal of a source of which no frame can be used: with what was wrong with the first."""
+    why = "" if first is None else f": {first.name}: {first.error}"
+    return DataError(f"{title} holds no usable frame{why}")

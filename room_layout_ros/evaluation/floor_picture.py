@@ -16,7 +16,7 @@ Box = tuple[float, float, float, float]
 FREE_COLOR, OCCUPIED_COLOR, UNKNOWN_COLOR = (92, 190, 118), (214, 66, 56), (196, 200, 206)
 _CAMERA = (20, 90, 220)
 _LINE_SHARE = 0.88
-_NO_FLOOR, _INK = "no floor in view", (70, 74, 82)
+_NONE, _INK = "no free space", (70, 74, 82)
 _MARGIN_M = 0.3
 _OCCUPIED = 50
 
@@ -68,7 +68,7 @@ def draw_floor(grid: FloorGrid | None, box: Box, size: tuple[int, int] = (480, 3
         sheet[np.ix_(above, across)] = palette[np.where(seen < 0, 0, np.where(seen < _OCCUPIED, 1, 2))]
     _draw_metres(sheet, x_m, y_m)
     if grid is None:
-        _say_no_floor(sheet)
+        _say_none(sheet)
     return _draw_camera(sheet, x_m, y_m)
 
 
@@ -87,11 +87,11 @@ def _draw_metres(sheet: Image, x_m: NDArray[np.float64], y_m: NDArray[np.float64
         sheet[:, column] = (_LINE_SHARE * sheet[:, column]).astype(np.uint8)
 
 
-def _say_no_floor(sheet: Image) -> None:
+def _say_none(sheet: Image) -> None:
     font, scale = cv2.FONT_HERSHEY_SIMPLEX, sheet.shape[1] / 640
-    (width, height), _ = cv2.getTextSize(_NO_FLOOR, font, scale, 1)
+    (width, height), _ = cv2.getTextSize(_NONE, font, scale, 1)
     corner = (sheet.shape[1] - width) // 2, (sheet.shape[0] + height) // 2
-    cv2.putText(sheet, _NO_FLOOR, corner, font, scale, _INK, 1, cv2.LINE_AA)
+    cv2.putText(sheet, _NONE, corner, font, scale, _INK, 1, cv2.LINE_AA)
 
 
 def _draw_camera(sheet: Image, x_m: NDArray[np.float64], y_m: NDArray[np.float64]) -> Image:

@@ -63,9 +63,7 @@ def superpixel_planes(
     centroid : (K, 3) m, where the ray of the superpixel's centre meets its plane.
         NaN without a plane, or where that ray does not meet it.
     """
-    normal, distance, centroid = _planes(
-        superpixels.plane, superpixels.center_px, camera.fx, camera.fy, camera.cx, camera.cy
-    )
+    normal, distance, centroid = _planes(superpixels.plane, superpixels.center_px, *camera.numbers)
     return normal, distance, centroid
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..frame import CameraIntrinsics
 from .dark_holes import BLUR_PX, FOOT_M, LEVEL, depth_of_floor, find_dark_holes
 from .floor_pixels import BEYOND_PIXEL, FLOOR_PIXEL, WALL_PIXEL, camera_height, pixel_rays
+from .thing_edges import DEEP_M, LONG_M, LOW_M, OVER_LEGS_M
 
 _LEAST_HIGH_M = 0.02
 """What hangs no higher stands on the floor."""
@@ -25,14 +26,10 @@ _LONGEST_M = 2.5
 """Two feet of a thing, a long sofa, are no farther apart. Where a row of shelves turns around a corner of the room they
 would be."""
 
-_JUMP_PX, _OVER_LEGS_M = 4, 0.2
-"""The lower edge of a thing jumps by so many rows where a leg begins. A thing of which four legs are seen ends so far
-behind the farthest."""
+_JUMP_PX = 4
+"""The lower edge of a thing jumps by so many rows where a leg begins."""
 
 _ON_LINE_PX = 1e-6
-
-_LOW_M, _LONG_M, _DEEP_M = 0.40, 2.0, 1.2
-"""What hangs lower than the first is a bed or a sofa, and may be as deep as the second; other things as the third."""
 
 _CLOSING = np.ones((3, 3), np.uint8)
 
@@ -190,7 +187,7 @@ def _straighten_ends(near, hangs, line, lowest, on_floor, above_floor):  # type:
         while 0 <= k < len(line) and line[k] > lowest[k] + _ON_LINE_PX:
             high = max(high, hangs[k])
             k += step
-        if not _LEAST_HIGH_M < high < _LOW_M:
+        if not _LEAST_HIGH_M < high < LOW_M:
             continue
         k = end
         while k == end or (0 <= k < len(line) and line[k] > lowest[k] + _ON_LINE_PX):
@@ -215,7 +212,7 @@ def _behind_legs(lowest, on_floor, first, intrinsics, T, above_floor):  # type: 
             if rise < LEVEL and (k - begin) * z <= FOOT_M * intrinsics[0]:
                 legs, far = legs + 1, max(far, above_floor / -rise)
         begin = k
-    return far + _OVER_LEGS_M if legs >= 4 else np.inf
+    return far + OVER_LEGS_M if legs >= 4 else np.inf
 
 
 @njit(cache=True, nogil=True)
@@ -236,8 +233,8 @@ def _far_side(near, hangs, lower, upper, legs_end, above_floor):  # type: ignore
     where what is seen over the upper edge may be more of the thing.
     """
     if lower > LEVEL:
-        return min(near + _DEEP_M, max(legs_end, near))
-    far = near + _LONG_M if hangs < _LOW_M else min(near + _DEEP_M, max(legs_end, near))
+        return min(near + DEEP_M, max(legs_end, near))
+    far = near + LONG_M if hangs < LOW_M else min(near + DEEP_M, max(legs_end, near))
     if upper < LEVEL:
         far = min(far, max((above_floor - hangs) / -upper, near))
     return min(far, above_floor / -lower)

@@ -148,7 +148,7 @@ def _sum_cells(inverse, hole_kind, labels, intrinsics, T, fit, walls, corner, sh
     per_pixel = np.float32(1.0 / (intrinsics[0] * fy * size * size))  # share of a cell that a pixel is at 1 m
     fall = np.sqrt((T[0, 2] / intrinsics[0]) ** 2 + (T[1, 2] / fy) ** 2) / distance
     noise_at = noise_table(sigma)
-    tables = noise_at, _side_table(noise_at / distance, fy) / size
+    tables = noise_at, _side_table(noise_at / distance, intrinsics[0]) / size
     noise_32, limits_32 = noise_at.astype(np.float32), narrow_limits(limits)
     column = np.arange(width).astype(np.float32)
     places = np.empty_like(column), np.empty_like(column), np.empty_like(column)
@@ -168,7 +168,7 @@ def _sum_cells(inverse, hole_kind, labels, intrinsics, T, fit, walls, corner, sh
 
 
 @njit(cache=True, nogil=True)
-def _side_table(noise, fy):  # type: ignore[no-untyped-def]
+def _side_table(noise, fx):  # type: ignore[no-untyped-def]
     """How far beside a thing's pixels it may reach, m, per step of depth as far as that is less than `_NEXT_TO_M`.
 
     `noise` : of the depth, per metre of it.
@@ -176,7 +176,7 @@ def _side_table(noise, fy):  # type: ignore[no-untyped-def]
     side, known = np.empty(STEPS), 0
     for k in range(STEPS):
         z = (k + 0.5) / PER_METRE
-        side[k] = min((_NEXT_TO_PX / fy + noise[k]) * z, _NEXT_TO_M)
+        side[k] = min((_NEXT_TO_PX / fx + noise[k]) * z, _NEXT_TO_M)
         known = k + 1 if side[k] < _NEXT_TO_M else known
     return side[:known]
 

@@ -18,7 +18,7 @@ from ..frame import CameraIntrinsics
 from ..labels import CLUTTER, FLOOR
 from .floor_cells import FREE_CELL
 from .floor_pixels import FLYING_PIXEL, NOTHING, OBSTACLE_PIXEL, camera_height, pixel_rays
-from .thing_edges import DEEP_M, STRAYS, how_deep, is_wide, joined, to_its_legs
+from .thing_edges import DEEP_M, LONG_M, LOW_M, STRAYS, how_deep, is_wide, joined, to_its_legs
 
 _HANGS_M = 0.12
 """What begins lower stands on the floor: as far as it is seen, its cells hold its surface."""
@@ -37,9 +37,6 @@ behind its edge so far."""
 
 _LEG_SEEN_M = 0.2
 """What is seen behind an edge and ends at it, for so much in height, may be a leg of the same table."""
-
-_LOW_M, _LONG_M = 0.40, 2.0
-"""One that hangs lower than the first is a bed or a sofa, and may go on for the second."""
 
 _ROWS = 16
 """How wide things are is looked at in one of so many rows."""
@@ -291,8 +288,8 @@ def _end(follows, columns, beyond, rays, above_floor, over, u, corner):  # type:
     if min(h, lowest) < _HANGS_M or beyond < r:
         return
     front = columns[_WIDE, u] > 0.0 and lowest < above_floor
-    if front and lowest < _LOW_M:
-        far = r + _LONG_M
+    if front and lowest < LOW_M:
+        far = r + LONG_M
     elif h - lowest < _THIN_M:
         far = r + max(DEEP_M, columns[_DEEP, u])
     else:

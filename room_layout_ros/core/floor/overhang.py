@@ -259,7 +259,7 @@ def _is_shaded(inverse, kind, intrinsics, foot, up, above_floor, steps):  # type
     fx, fy, cx, cy = intrinsics
     px, py, pz = foot
     height, width = inverse.shape
-    for k in range(steps + 1):
+    for k in range(max(steps, int(np.ceil(above_floor / _STEP_M))) + 1):
         h = k * _STEP_M
         z = pz + up[2] * h
         if z < _NEAREST_Z_M:

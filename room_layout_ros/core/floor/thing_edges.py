@@ -19,8 +19,14 @@ _NARROW_M, _END_M, _TIMES_WIDE = 0.6, 1.0, 2.0
 _WIDE_M, _CUT_OFF = 0.8, 0.5
 """Wide is what is as wide as the first; where a side of the picture cuts it off the second of that has to be seen."""
 
-_LEG_M, _OVER_LEGS_M, _AT_LEGS_M = 0.15, 0.2, 2.0
-"""A leg is no wider than the first; its table goes on for the second behind it. No leg is farther than the last."""
+LOW_M, LONG_M = 0.40, 2.0
+"""What hangs lower than the first is a bed or a sofa, and may go on for the second."""
+
+OVER_LEGS_M = 0.2
+"""What stands on legs goes on so far behind the farthest that is seen."""
+
+_LEG_M, _AT_LEGS_M = 0.15, 2.0
+"""A leg is no wider than the first, and no farther behind the edge than the second."""
 
 STRAYS = 2
 """So many pixels of noise in a row part no edge from its legs, and make no legs of a cupboard."""
@@ -77,5 +83,5 @@ def to_its_legs(behind, pixels_per_m):  # type: ignore[no-untyped-def]
                 last, farthest = k, max(farthest, behind[k])
             k += 1
         if last - begin + 1 <= _LEG_M * pixels_per_m and farthest <= _AT_LEGS_M:
-            deep = max(deep, farthest + _OVER_LEGS_M)
+            deep = max(deep, farthest + OVER_LEGS_M)
     return deep

@@ -44,7 +44,7 @@ def cast(rectangles: Rectangles, camera: CameraIntrinsics) -> tuple[NDArray[np.i
     """
     index = np.full((camera.height, camera.width), -1, np.int32)
     inverse = np.zeros((camera.height, camera.width))
-    _cast_kernel(np.ascontiguousarray(rectangles), camera.fx, camera.fy, camera.cx, camera.cy, index, inverse)
+    _cast_kernel(np.ascontiguousarray(rectangles), *camera.numbers, index, inverse)
     with np.errstate(divide="ignore"):
         return index, (1.0 / inverse).astype(np.float32)
 
