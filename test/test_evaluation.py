@@ -413,7 +413,7 @@ def test_where_no_scheduler_answers_no_folder_is_made(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed", reason="distributed is not installed (extra train)")
-    monkeypatch.setattr("room_layout_ros.parallel.CONNECT_TIMEOUT_S", 1)
+    monkeypatch.setattr("room_layout_ros.parallel.CONNECT_TIMEOUT_S", 0.2)
     words = ["evaluate", str(folder), "--out", str(tmp_path / "new"), "--scheduler", "tcp://127.0.0.1:9"]
     assert room_layout(words) == 2
     assert "no Dask scheduler answers at tcp://127.0.0.1:9" in capsys.readouterr().err

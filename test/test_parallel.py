@@ -79,7 +79,7 @@ def test_errors_of_the_function_come_through(jobs: int) -> None:
 
 
 def test_no_workers_and_no_scheduler_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("room_layout_ros.parallel.CONNECT_TIMEOUT_S", 1)
+    monkeypatch.setattr("room_layout_ros.parallel.CONNECT_TIMEOUT_S", 0.2)
     with pytest.raises(ValueError, match="jobs is 0"):
         list(map_ordered(square, [1], jobs=0))
     pytest.importorskip("distributed", reason="Dask is not installed (extra train)")

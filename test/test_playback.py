@@ -154,7 +154,7 @@ def simulated(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("words", [("--clock",), ()])
 def test_there_is_one_clock(simulated: Path, listener: Listener, words: tuple[str, ...]) -> None:
-    process = start(simulated, "--rate", 0.5, "--wait-for-subscribers", 1, *words)
+    process = start(simulated, "--wait-for-subscribers", 1, *words)
     _, told = process.communicate(timeout=60)
     assert process.returncode == 0, told
     assert ("the /clock of" in told) == bool(words)
