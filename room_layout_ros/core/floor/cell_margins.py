@@ -31,9 +31,6 @@ _FARTHEST_HOLE_M = 0.8
 _MARGIN_CELLS = 0.15
 """Added to the margin: the place of a thing is known to a pixel, not better (7 mm for cells of 5 cm)."""
 
-_WALL_M = 0.0025
-"""Added to the margin before walls: they are settled on hundreds of pixels, in steps of twice this."""
-
 
 def keep_away(
     grid: NDArray[np.int8], reach: Reach, cells: FloorCells, walls: NDArray[np.float64], margin_m: float
@@ -48,7 +45,7 @@ def keep_away(
     size = cells.resolution_m
     margin = margin_m + _MARGIN_CELLS * size
     around = _around(reach, margin / size + _FARTHEST_CELLS)
-    _keep_away(grid, around, cells.stands, reach, walls, cells.corner, (margin, margin_m + _WALL_M))
+    _keep_away(grid, around, cells.stands, reach, walls, cells.corner, margin)
 
 
 def _around(reach: Reach, farthest_cells: float) -> NDArray[np.uint8]:
@@ -60,12 +57,8 @@ def _around(reach: Reach, farthest_cells: float) -> NDArray[np.uint8]:
 
 
 @njit(cache=True, nogil=True)
-def _keep_away(grid, around, stands, reach, walls, corner, margins):  # type: ignore[no-untyped-def]
-    """Free cells become unknown within the margin before a thing or a wall, or behind a thing where it may reach.
-
-    `margins` : before things, and before walls.
-    """
-    margin, before_walls = margins
+def _keep_away(grid, around, stands, reach, walls, corner, margin):  # type: ignore[no-untyped-def]
+    """Free cells become unknown within the margin before a thing or a wall, or behind a thing where it may reach."""
     rows, cols = grid.shape
     x0, y0, size = corner
     _hide_far_sides(grid, reach[3], corner)
@@ -78,7 +71,7 @@ def _keep_away(grid, around, stands, reach, walls, corner, margins):  # type: ig
             r = np.sqrt(x * x + y * y)
             near = around[i, j] and _is_before_or_behind(i, j, (x / r, y / r, r), stands, reach, size, margin)
             for k in range(len(walls)):
-                ahead = 1.0 + before_walls / r
+                ahead = 1.0 + margin / r
                 near = near or walls[k, 0] * x * ahead + walls[k, 1] * y * ahead >= walls[k, 2]
             if near:
                 grid[i, j] = UNKNOWN_CELL
