@@ -126,8 +126,6 @@ def naive_hidden(
         foot = np.array([corner[0] + n * corner[2], corner[1] + m * corner[2], 0.0])
         farther = foot * (1.0 + margin_m / max(float(np.hypot(*foot[:2])), 1e-9))
         over[m, n] = look(foot)
-        if over[m, n] in ("hidden", "below") and _in_shade(foot, inverse, kind, camera, T, robot_height_m):
-            over[m, n] = "shaded"
         beside = not 0 <= _pixel(camera, T, farther)[0] <= camera.width - 1
         if beside and over[m, n] not in ("hidden", "below") and (behind := look(farther)) != "seen":
             over[m, n] = behind
@@ -182,28 +180,3 @@ def _over(
     if sum(4 if c and t else 1 for _, far, c, t in met if far < 0.5) >= 4:
         return "hidden"
     return "dark" if sum(n <= 5 for n, *_ in met) >= 3 else "seen"
-
-
-def _in_shade(
-    place: NDArray[np.float64],
-    inverse: NDArray[np.float32],
-    kind: NDArray[np.uint8],
-    camera: CameraIntrinsics,
-    T: NDArray[np.float64],
-    robot_height_m: float,
-) -> bool:
-    """A thing lower than the camera hides the floor of a place too, and is nowhere nearer before it than 30 cm."""
-    camera_height = float(-T[:3, 2] @ T[:3, 3])
-    for k in range(max(int(robot_height_m / 0.05 + 1e-6), int(np.ceil(camera_height / 0.05))) + 1):
-        u, v, z = _pixel(camera, T, place + (0.0, 0.0, 0.05 * k))
-        col, row = round(u), round(v)
-        if z >= 0.1 and row < 0:
-            return True
-        if z < 0.1 or not 0 <= col < camera.width or row >= camera.height:
-            return False
-        before = z - 1.0 / float(inverse[row, col]) if inverse[row, col] > 0 else -np.inf
-        if k == 0 and (before <= 0.03 or kind[row, col] == FLOOR_PIXEL):
-            return False
-        if before > 0.03 and (0.05 * k >= camera_height or before < 0.3):
-            return False
-    return True

@@ -14,16 +14,7 @@ from room_layout_ros.core.config import EstimatorConfig
 from room_layout_ros.core.cuboids import compute_object_cuboids
 from room_layout_ros.core.depth import compute_depth_geometry
 from room_layout_ros.core.floor.depth_holes import close_holes
-from room_layout_ros.core.floor.floor_cells import (
-    BLIND,
-    BRIDGE,
-    FINE,
-    HOLE,
-    OBSTACLE,
-    SEEN,
-    TOUCHED,
-    sum_floor_cells,
-)
+from room_layout_ros.core.floor.floor_cells import BLIND, BRIDGE, FINE, HOLE, OBSTACLE, SEEN, sum_floor_cells
 from room_layout_ros.core.floor.floor_frame import floor_frame, room_outline, walls_on_floor
 from room_layout_ros.core.floor.floor_pixels import OBSTACLE_PIXEL, WALL_PIXEL
 from room_layout_ros.core.floor.floor_plane import FloorFit, FloorPlane, fit_floor
@@ -246,21 +237,6 @@ def test_what_the_pictures_side_cuts_off_may_stand_in_the_margin() -> None:
     assert (hidden[1] & ~hidden[0]).any()
 
 
-@pytest.mark.parametrize("robot_m", [2.0, 0.6])
-@pytest.mark.parametrize(
-    ("high_m", "x", "y", "free"), [(0.5, 1.82, 0.32, True), (0.5, 1.55, 0.27, False), (1.5, 1.82, 0.32, False)]
-)
-def test_the_edge_of_a_things_shade_is_free_where_the_floor_beside_it_is_seen(
-    high_m: float, x: float, y: float, free: bool, robot_m: float
-) -> None:
-    """Not close behind its front, where its side may go back, and not behind what the camera does not see over."""
-    sample, _ = look(empty(box(0.3, 0.0, 0.5, high_m)))
-    free_space = free_space_of(sample.frame, with_truth(sample), replace(CONFIG, robot_height_m=robot_m))
-    assert (cell_at(free_space, x, y) == FREE_CELL) == free
-    assert cell_at(free_space, x, y - 0.1) != FREE_CELL
-    assert cell_at(free_space, x, y + 0.1) == FREE_CELL
-
-
 def test_floor_below_a_sofa_is_not_free_even_where_a_table_hides_the_sofa() -> None:
     """A low sofa on feet of 10 cm; a table top before it, turned a little, leaves in view but 0 to 10 cm."""
     table = Solid(0.25, 0.0, 0.15, 0.8, 1.8, 0.68, 0.74, 7, GREY, thing=2)
@@ -476,28 +452,6 @@ def test_clouds_leave_walls_out_and_keep_small_things() -> None:
     floor = result.floor @ sample.T_world_camera[:3, :3].T + sample.T_world_camera[:3, 3]
     assert len(floor) > 1000
     assert np.abs(floor[:, 2]).max() < 0.1
-
-
-@pytest.mark.parametrize(
-    ("beside_m", "sigma_m", "free"), [(0.015, 0.002, True), (0.005, 0.002, False), (0.015, 0.01, False)]
-)
-def test_beside_a_thing_a_cell_is_free_as_near_as_its_side_is_known(
-    beside_m: float, sigma_m: float, free: bool
-) -> None:
-    """Two columns of the picture are 8 mm at 2 m; with noise of 2 cm it counts two centimetres beside a cell."""
-    sample, _ = look(empty(Solid(0.4, 0.4 + beside_m, 0.0, 0.4, 0.4, 0.0, 0.3, 5, GREY, thing=1)))
-    geometry = compute_depth_geometry(sample.frame, CONFIG)
-    assert geometry is not None
-    assert sample.truth is not None
-    assert sample.truth.down_camera is not None
-    fit = FloorFit(sample.truth.down_camera, 1.2, np.full(24, sigma_m), np.zeros((1, 1)), "")
-    holes = np.zeros(geometry.inverse_depth.shape, np.uint8)
-    T = floor_frame(fit.normal, 1.2)
-    cells = sum_floor_cells(geometry, holes, holes, fit, T, np.empty((0, 4)), CONFIG)
-    beside = cells.sums[83, 31:37, TOUCHED]  # 15 to 20 cm to the left
-    assert (cells.sums[84, 31:37, OBSTACLE] > 0).all()
-    assert (cells.sums[83, 31:37, SEEN] > 0.9).all()
-    assert (beside == 0).all() if free else (beside > 0).all()
 
 
 def test_a_board_flat_against_the_wall_keeps_its_own_margin() -> None:

@@ -17,7 +17,7 @@ from ..config import EstimatorConfig
 from ..depth import DepthGeometry
 from ..labels import CLUTTER
 from .depth_holes import BRIDGED, MEASURED
-from .floor_noise import PER_METRE, STEPS, noise_table
+from .floor_noise import noise_table
 from .floor_pixels import (
     BESIDE_PX,
     BEYOND_PIXEL,
@@ -43,10 +43,7 @@ from .floor_plane import FloorFit
 UNKNOWN_CELL, FREE_CELL, OCCUPIED_CELL = -1, 0, 100
 """Values of the grid, those of OccupancyGrid."""
 
-_NEXT_TO_M, _NEXT_TO_PX = 0.02, 2.0
-"""What stands so far beside a cell, or before it, may stand in it. To the side it is known to so many columns and the
-noise of its depth: where that is less it counts there."""
-
+_NEXT_TO_M = 0.02
 _BETWEEN_PIXELS, _MAX_BETWEEN_M, _LEAST_BELOW_M = 1.5, 0.10, 0.05
 """A level surface goes on behind its farthest pixel by so many distances of the picture's rows on it, at most by so
 much; the camera is taken to be no less than the last above it."""
@@ -148,7 +145,6 @@ def _sum_cells(inverse, hole_kind, labels, intrinsics, T, fit, walls, corner, sh
     per_pixel = np.float32(1.0 / (intrinsics[0] * fy * size * size))  # share of a cell that a pixel is at 1 m
     fall = np.sqrt((T[0, 2] / intrinsics[0]) ** 2 + (T[1, 2] / fy) ** 2) / distance
     noise_at = noise_table(sigma)
-    tables = noise_at, _side_table(noise_at / distance, intrinsics[0]) / size
     noise_32, limits_32 = noise_at.astype(np.float32), narrow_limits(limits)
     column = np.arange(width).astype(np.float32)
     places = np.empty_like(column), np.empty_like(column), np.empty_like(column)
@@ -160,25 +156,11 @@ def _sum_cells(inverse, hole_kind, labels, intrinsics, T, fit, walls, corner, sh
         if _has_holes(hole_kind[v]):
             _add_holes(hole_kind[v], rays, (distance, fy, per_pixel, fall), grid, sums)
         _add_row(
-            inverse[v], labels[v], rays, (distance, fy, per_pixel, fall), places, tables, limits, grid, past_walls,
+            inverse[v], labels[v], rays, (distance, fy, per_pixel, fall), places, noise_at, limits, grid, past_walls,
             kind[v], cell[v], (sums, surface, stands),
         )  # fmt: skip
     _spread(surface, _NEXT_TO_M / size, sums)
     return sums, stands, kind, cell
-
-
-@njit(cache=True, nogil=True)
-def _side_table(noise, fx):  # type: ignore[no-untyped-def]
-    """How far beside a thing's pixels it may reach, m, per step of depth as far as that is less than `_NEXT_TO_M`.
-
-    `noise` : of the depth, per metre of it.
-    """
-    side, known = np.empty(STEPS), 0
-    for k in range(STEPS):
-        z = (k + 0.5) / PER_METRE
-        side[k] = min((_NEXT_TO_PX / fx + noise[k]) * z, _NEXT_TO_M)
-        known = k + 1 if side[k] < _NEXT_TO_M else known
-    return side[:known]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -229,14 +211,12 @@ def _add_holes(hole_kinds, rays, camera, grid, sums):  # type: ignore[no-untyped
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")  # a call would hand over all these arrays per row
-def _add_row(inverse, labels, rays, camera, places, tables, limits, grid, past_walls, kinds, cell, cells):  # type: ignore[no-untyped-def]
+def _add_row(inverse, labels, rays, camera, places, noise_at, limits, grid, past_walls, kinds, cell, cells):  # type: ignore[no-untyped-def]
     """Add the pixels of a row to the cells; write their final kinds, and the cells they count in."""
     ax0, ax1, ay0, ay1, az0, az1 = rays
     distance, fy, per_pixel, fall = camera
     depth, high, inside = places
     sums, surface, stands = cells
-    noise_at, side_at = tables
-    known_to = len(side_at) / PER_METRE
     lowest, factor, _ = limits
     x0, y0, per_metre, rows, cols = grid
     reach = _NEXT_TO_M * per_metre
@@ -287,21 +267,12 @@ def _add_row(inverse, labels, rays, camera, places, tables, limits, grid, past_w
                     surface[i * cols + j, k] = 0.0
             sums[i, j, OBSTACLE_PIXELS] += np.float32(1.0)
             stands[int(across * FINE), int(ahead * FINE)] = True
-            r = np.sqrt(x * x + y * y)
             low_i, high_i = across - reach < i - whole, across + reach >= i + whole + 1
             low_j, high_j = ahead - reach < j - whole, ahead + reach >= j + whole + 1
-            if z < known_to:
-                side = side_at[int(z * PER_METRE)]
-                back = (reach - side) / r  # behind a thing it reaches as far as ever
-                low_i, high_i = (
-                    across - side + back * min(y, 0.0) < i - whole,
-                    across + side + back * max(y, 0.0) >= i + whole + 1,
-                )
-                low_j, high_j = ahead - side < j - whole, ahead + side + back * x >= j + whole + 1
             surface[i * cols + j, low_i << 3 | high_i << 2 | low_j << 1 | high_j] += np.float32(area)
             # the next row of a level surface that is seen flat may be centimetres behind this one
             between = _BETWEEN_PIXELS * z * z / (fy * max(distance - h, _LEAST_BELOW_M))
-            far = np.float32(r + min(between, _MAX_BETWEEN_M))
+            far = np.float32(np.sqrt(x * x + y * y) + min(between, _MAX_BETWEEN_M))
             sums[i, j, FARTHEST] = max(sums[i, j, FARTHEST], far)
             if what == LOW_THING and az < DOWN:
                 z, i, j = _foot(rays, u, distance, grid)

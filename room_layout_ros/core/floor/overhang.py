@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..frame import CameraIntrinsics
 from .floor_cells import FREE_CELL
-from .floor_pixels import FLOOR_PIXEL, OBSTACLE_PIXEL
+from .floor_pixels import OBSTACLE_PIXEL
 
 _STEP_M, _MIN_HIDDEN = 0.05, 4
 """The space above a corner is looked at so far apart, and at no less than so many heights: of what hangs lower a
@@ -37,14 +37,9 @@ however far before: a robot's low camera sees floor below a bed, and the front o
 _GOES_ON_M = 0.15
 """What has floor below it goes on so far over such floor: a table hides the rest of the sofa."""
 
-SEEN, HIDDEN, BELOW, DARK, SHADED = range(5)
+SEEN, HIDDEN, BELOW, DARK = range(4)
 """The space over a place: enough of it is seen; it is hidden by what stands just before it; it is below the lower edge
-of a thing; its lower part is hidden by what may be far before it; it lies in the shade of a thing, floor and all."""
-
-_SHADE_M = 0.3
-"""A corner whose floor is hidden too lies in the shade of what hides it, and the cell is seen beside that. Nearer than
-this the thing's own side may go back along the edge of the shade; what is as high as the camera hides whatever hangs
-behind it, what is lower does not. Else the shade tells nothing of the part of the cell that is seen."""
+of a thing; its lower part is hidden by what may be far before it."""
 
 _CUT_M = -0.3
 """What is cut off by the side of the picture may come this much nearer beyond it."""
@@ -197,9 +192,6 @@ def _look_over_corners(grid, inverse, kind, intrinsics, T, corner, robot_height,
                 high = (px + T[0, 2] * top, py + T[1, 2] * top, pz + T[2, 2] * top)
                 if _may_hide(nearest, inverse.shape, low, high, steps, intrinsics):
                     found = _look_over(inverse, kind, intrinsics, (px, py, pz), up, above_floor, steps)
-                    if place == 0 and found in (HIDDEN, BELOW):
-                        shaded = _is_shaded(inverse, kind, intrinsics, (px, py, pz), up, above_floor, steps)
-                        found = SHADED if shaded else found
                     over[i, j] = over[i, j] if found == SEEN else found
     return over
 
@@ -248,31 +240,3 @@ def _look_over(inverse, kind, intrinsics, foot, up, above_floor, steps):  # type
     if hidden >= _MIN_HIDDEN:
         return HIDDEN
     return DARK if dark >= _MIN_DARK else SEEN
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _is_shaded(inverse, kind, intrinsics, foot, up, above_floor, steps):  # type: ignore[no-untyped-def]
-    """Whether a place lies in the shade of a thing lower than the camera, `_SHADE_M` or more behind all that is seen.
-
-    Arguments as those of `_look_over`.
-    """
-    fx, fy, cx, cy = intrinsics
-    px, py, pz = foot
-    height, width = inverse.shape
-    for k in range(max(steps, int(np.ceil(above_floor / _STEP_M))) + 1):
-        h = k * _STEP_M
-        z = pz + up[2] * h
-        if z < _NEAREST_Z_M:
-            return False
-        w = 1.0 / z
-        u, v = int(np.rint((px + up[0] * h) * w * fx + cx)), int(np.rint((py + up[1] * h) * w * fy + cy))
-        if v < 0:
-            return True
-        if u < 0 or u >= width or v >= height:
-            return False
-        met = inverse[v, u] > 0.0 and (z - _COVER_M[0]) * inverse[v, u] > 1.0
-        if k == 0 and (not met or kind[v, u] == FLOOR_PIXEL):
-            return False
-        if met and (h >= above_floor or (z - _SHADE_M) * inverse[v, u] < 1.0):
-            return False
-    return True
