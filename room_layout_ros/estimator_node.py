@@ -13,10 +13,10 @@ from typing import Any
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
-from rclpy.utilities import ok, try_shutdown
+from rclpy.utilities import ok
 
 from .core.estimator import LayoutEstimator
-from .ros_process import BAD_SETTINGS, idle_files, join, sentence, unknown_remaps
+from .ros_process import BAD_SETTINGS, idle_files, join, leave, sentence, unknown_remaps
 from .settings import MakeEstimator
 from .shell import Shell
 
@@ -110,7 +110,7 @@ def run(make_node: Callable[[], Any], args: Sequence[str] | None) -> int:
         return 0
     finally:
         _take_signals(signal.SIG_IGN)  # all is done
-        try_shutdown()
+        leave()
         _take_signals(signal.SIG_IGN)  # rclpy gives them back as it found them
         if not ended:  # a worker inside a compilation cannot be stopped
             sys.stdout.flush()

@@ -32,7 +32,7 @@ def listen(name: str, listeners: Sequence[Listener], end: float) -> None:
         import rclpy
         from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
-        from .ros_process import BAD_SETTINGS, join, sentence
+        from .ros_process import BAD_SETTINGS, join, leave, sentence
 
         kinds = [_message_class(listener.kind) for listener in listeners]
     except ImportError as error:
@@ -44,7 +44,7 @@ def listen(name: str, listeners: Sequence[Listener], end: float) -> None:
         for listener, kind in zip(listeners, kinds, strict=True):
             node.create_subscription(kind, listener.topic, listener.take, listener.depth)
     except BAD_SETTINGS as error:
-        rclpy.try_shutdown()
+        leave()
         raise DataError(sentence(error)) from None
     try:
         executor = SingleThreadedExecutor()
@@ -54,7 +54,7 @@ def listen(name: str, listeners: Sequence[Listener], end: float) -> None:
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
-        rclpy.try_shutdown()
+        leave()
 
 
 def _message_class(kind: str) -> Any:

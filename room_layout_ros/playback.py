@@ -180,7 +180,7 @@ def play(
         import rclpy
         from rclpy.signals import SignalHandlerOptions
 
-        from .ros_process import join
+        from .ros_process import join, leave
     except ImportError:
         raise ModuleNotFoundError(f"playing needs ROS 2: {install_hint('ros')}, or /opt/ros", name="rclpy") from None
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
@@ -203,7 +203,7 @@ def play(
     finally:
         if player is not None:
             player.node.destroy_node()
-        rclpy.try_shutdown()
+        leave()
 
 
 def _loops(count: int) -> Iterator[int]:

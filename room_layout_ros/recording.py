@@ -22,11 +22,10 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
-from rclpy.utilities import try_shutdown
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from .ros_process import BAD_SETTINGS, join, message_class, sentence
+from .ros_process import BAD_SETTINGS, join, leave, message_class, sentence
 
 _DEPTH = 200
 _LOOK_PERIOD_S = 0.1
@@ -160,7 +159,7 @@ def main(args: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         pass
     finally:
-        try_shutdown()
+        leave()
     return 0
 
 

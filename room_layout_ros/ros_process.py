@@ -6,6 +6,7 @@ import importlib
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from typing import Any
 
 import rclpy
@@ -43,6 +44,12 @@ def join(args: Sequence[str] | None, **options: Any) -> None:
     if text and not (text.isascii() and text.isdigit() and int(text) <= LAST_DOMAIN):
         raise ValueError(f"{DOMAIN_VARIABLE} is {text[:40]!r}; it must be a whole number of 0 to {LAST_DOMAIN}")
     rclpy.init(args=None if args is None else list(args), **options)
+
+
+def leave() -> None:
+    """Call `rclpy.try_shutdown`: a signal may end the context between its look and its call."""
+    with suppress(RuntimeError):
+        rclpy.try_shutdown()
 
 
 def message_class(kind: str) -> type:

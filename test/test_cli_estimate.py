@@ -306,7 +306,7 @@ def test_frames_without_a_room_are_counted_and_not_called_estimated(
     said = capsys.readouterr().err
     have = "has" if dark == 1 else "have"
     assert f"{dark} of 2 frames {have} no room: no room in view ({dark})\n" in said
-    assert f"{dark} of 2 frames have no usable depth: no room was found{ALLOWED}\n" in said
+    assert f"{dark} of 2 frames {have} no usable depth: no room was found{ALLOWED}\n" in said
     assert COLOR_ALONE not in said
 
 

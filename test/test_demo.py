@@ -153,8 +153,9 @@ def test_only_rooms_are_counted_as_rooms(
     assert room_layout(["demo", "--no-node", "--input", str(frames), "--out", str(out)]) == 0
     page, said = check_page(out), capsys.readouterr().err
     assert f"<b>{N_FRAMES - dark} of {N_FRAMES}</b>frames came back as rooms" in page
-    told = f"{dark} of {N_FRAMES} frames {'has' if dark == 1 else 'have'} no room: no room in view ({dark})"
-    lost = f"{dark} of {N_FRAMES} frames have no usable depth: no room was found"
+    have = "has" if dark == 1 else "have"
+    told = f"{dark} of {N_FRAMES} frames {have} no room: no room in view ({dark})"
+    lost = f"{dark} of {N_FRAMES} frames {have} no usable depth: no room was found"
     for sentence in (told, lost):
         assert sentence in page
         assert f"demo: {sentence}" in said

@@ -29,7 +29,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from room_layout_ros.core.estimator import LayoutEstimator
 from room_layout_ros.outputs import OUTPUTS
-from room_layout_ros.ros_process import idle_files
+from room_layout_ros.ros_process import idle_files, leave
 
 pytestmark = pytest.mark.dds
 
@@ -464,3 +464,11 @@ def test_the_collector_does_not_search_what_was_loaded(repository: Path) -> None
     with python(repository, "-c", code) as process:
         kept, searched = re.findall(r"kept (\d+) searched (\d+)", read_until(process, "kept"))[0]
     assert int(kept) > 10 * int(searched)
+
+
+def test_a_signal_may_end_the_context_while_it_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    def end_twice() -> None:
+        raise RuntimeError("rcl_shutdown already called on the given context")
+
+    monkeypatch.setattr("rclpy.try_shutdown", end_twice)
+    leave()
